@@ -1,0 +1,1 @@
+"""srl_jax: survivable control of a legged robot in JAX."""

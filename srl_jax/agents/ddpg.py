@@ -1,0 +1,207 @@
+"""DDPG (Lillicrap et al. 2016) with an ensemble of critics, as pure functions: init, act, update.
+
+The pieces of its update (`critic_step`, `actor_step`, `track`) are what the other agents are built from.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+
+from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.networks import Actor, Critic
+from srl_jax.config import DDPGConfig
+from srl_jax.distributions import normal
+from srl_jax.types import ActState, Params, Transition
+
+Teacher = Callable[[jax.Array], jax.Array]  # observation f32[O] -> action f32[A]
+Metrics = dict[str, jax.Array]
+
+
+class AgentState(NamedTuple):
+    """Networks and optimisers; critic leaves have a leading axis K (members of the ensemble)."""
+
+    actor: Params
+    critic: Params
+    target_actor: Params
+    target_critic: Params
+    actor_optimiser: optax.OptState
+    critic_optimiser: optax.OptState
+
+
+def optimiser(name: str) -> optax.GradientTransformation:
+    """The direction of descent; the learning rate is applied by `descend`, since lanes may differ in it."""
+    return optax.scale_by_adam() if name == "adam" else optax.scale_by_rms()
+
+
+def descend(params: Params, direction: Params, rate: jax.Array) -> Params:
+    """``params - rate * direction``."""
+    return jax.tree.map(lambda p, d: p - rate * d, params, direction)
+
+
+def critic_fn(config: DDPGConfig) -> Callable[..., jax.Array]:
+    """The unbatched critic ``(params, observation, action, masks) -> f32[]`` of one member."""
+    return Critic(config.hidden, config.layer_norm).apply  # type: ignore[return-value]
+
+
+def student(actor: Params, observation: jax.Array, *, config: DDPGConfig) -> jax.Array:
+    """The deterministic policy f32[..., O] -> f32[..., A]."""
+    size = actor["params"]["action"]["bias"].shape[-1]
+    return Actor(config.hidden, size, config.layer_norm).apply(actor, observation)  # type: ignore[return-value]
+
+
+def init(
+    key: jax.Array, observation_size: int, action_size: int, *, config: DDPGConfig, actor: Params | None = None
+) -> AgentState:
+    """Fresh networks; the actor may be given (the start from pi_B)."""
+    actor_key, critic_key = jax.random.split(key)
+    observation, action = jnp.zeros(observation_size), jnp.zeros(action_size)
+    if actor is None:
+        actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, observation)
+    member = Critic(config.hidden, config.layer_norm)
+    critic = jax.vmap(lambda k: member.init(k, observation, action))(jax.random.split(critic_key, config.critics))
+    return AgentState(
+        actor=actor,
+        critic=critic,
+        target_actor=jax.tree.map(jnp.copy, actor),
+        target_critic=jax.tree.map(jnp.copy, critic),
+        actor_optimiser=optimiser(config.actor_optimiser).init(actor),
+        critic_optimiser=optimiser(config.critic_optimiser).init(critic),
+    )
+
+
+def noise_scale(hyper: Hyper, step: jax.Array) -> jax.Array:
+    """Standard deviation of the exploration noise: ``sigma_t^2 = sigma_0^2 decay^t``, not below the floor."""
+    return jnp.maximum(hyper.noise * hyper.noise_decay ** (0.5 * step), hyper.noise_floor)
+
+
+def explore(
+    action: jax.Array, act_state: ActState, key: jax.Array, *, hyper: Hyper, step: jax.Array
+) -> tuple[jax.Array, ActState]:
+    """Adds noise of unit-variance AR(1) form, scaled by `noise_scale`; white where the correlation is 0."""
+    rho = hyper.noise_correlation
+    noise = normal(rho * act_state.noise, jnp.sqrt(1.0 - rho**2)).sample(seed=key)
+    action = jnp.clip(action + noise_scale(hyper, step) * noise, -1.0, 1.0)
+    return action, act_state._replace(noise=noise)
+
+
+def act(
+    state: AgentState,
+    act_state: ActState,
+    observation: jax.Array,
+    key: jax.Array,
+    *,
+    config: DDPGConfig,
+    hyper: Hyper,
+    step: jax.Array,
+    teachers: Sequence[Teacher] = (),
+) -> tuple[jax.Array, ActState]:
+    """The student's action with exploration noise.
+
+    Args:
+        state: networks.
+        act_state: noise and guidance carried by this environment (see `types.ActState`).
+        observation: f32[O].
+        key: random key.
+        config: static settings.
+        hyper: numeric settings.
+        step: f32[] environment steps taken so far by the lane (the shared clock).
+        teachers: ignored here; SRL chooses among them.
+
+    Returns:
+        action f32[A] in [-1, 1] and the new act_state, whose ``guidance.choice`` says who acted.
+    """
+    del teachers
+    return explore(student(state.actor, observation, config=config), act_state, key, hyper=hyper, step=step)
+
+
+def ensemble_q(params: Params, observation: jax.Array, action: jax.Array, *, config: DDPGConfig) -> jax.Array:
+    """Q of every member without masks: f32[..., O], f32[..., A] -> f32[K, ...]."""
+    return jax.vmap(critic_fn(config), (0, None, None))(params, observation, action)
+
+
+def td_target(
+    state: AgentState, batch: Transition, next_action: jax.Array, *, config: DDPGConfig, hyper: Hyper
+) -> jax.Array:
+    """``r + gamma * discount * mean_k Q'_k(s', a')`` for a batch: f32[B]."""
+    next_q = jnp.mean(ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0)
+    return batch.reward + hyper.gamma * batch.discount * next_q
+
+
+def critic_step(
+    state: AgentState, loss: Callable[[Params], tuple[jax.Array, Metrics]], *, config: DDPGConfig, hyper: Hyper
+) -> tuple[AgentState, Metrics]:
+    """One descent step of the critic ensemble on ``loss(params) -> (f32[], metrics)``."""
+    gradient, metrics = jax.grad(loss, has_aux=True)(state.critic)
+    direction, opt = optimiser(config.critic_optimiser).update(gradient, state.critic_optimiser)
+    critic = descend(state.critic, direction, hyper.critic_lr)
+    return state._replace(critic=critic, critic_optimiser=opt), metrics
+
+
+def actor_step(
+    state: AgentState,
+    loss: Callable[[Params], tuple[jax.Array, Metrics]],
+    *,
+    config: DDPGConfig,
+    hyper: Hyper,
+    step: jax.Array,
+) -> tuple[AgentState, Metrics]:
+    """One descent step of the actor on ``loss(params) -> (f32[], metrics)``; none while the actor is frozen."""
+    gradient, metrics = jax.grad(loss, has_aux=True)(state.actor)
+    direction, opt = optimiser(config.actor_optimiser).update(gradient, state.actor_optimiser)
+    rate = jnp.where(step >= hyper.freeze, hyper.actor_lr, 0.0)
+    return state._replace(actor=descend(state.actor, direction, rate), actor_optimiser=opt), metrics
+
+
+def track(state: AgentState, *, hyper: Hyper) -> AgentState:
+    """Soft update of both targets: ``target <- (1 - tau) target + tau online``."""
+    return state._replace(
+        target_actor=optax.incremental_update(state.actor, state.target_actor, hyper.tau),
+        target_critic=optax.incremental_update(state.critic, state.target_critic, hyper.tau),
+    )
+
+
+def update(
+    state: AgentState,
+    batch: Transition,
+    key: jax.Array,
+    *,
+    config: DDPGConfig,
+    hyper: Hyper,
+    step: jax.Array,
+    teachers: Sequence[Teacher] = (),
+) -> tuple[AgentState, Metrics]:
+    """One update of critic, actor and targets from a mini-batch (Lillicrap et al. 2016, Alg. 1).
+
+    Args:
+        state: networks and optimisers.
+        batch: transitions with a leading axis B.
+        key: unused; every agent's update has this shape.
+        config: static settings.
+        hyper: numeric settings.
+        step: f32[] environment steps taken so far by the lane.
+        teachers: ignored here.
+
+    Returns:
+        The new state and scalar metrics ``critic_loss``, ``q``.
+    """
+    del key, teachers
+    next_action = student(state.target_actor, batch.next_observation, config=config)
+    target = td_target(state, batch, next_action, config=config, hyper=hyper)
+
+    def critic_loss(params: Params) -> tuple[jax.Array, Metrics]:
+        error = ensemble_q(params, batch.observation, batch.action, config=config) - target[None]
+        loss = jnp.mean(jnp.square(error), axis=1).sum()  # members do not share parameters: a sum, not a mean
+        return loss, {"critic_loss": loss / config.critics}
+
+    def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
+        action = student(params, batch.observation, config=config)
+        q = jnp.mean(ensemble_q(critic, batch.observation, action, config=config))
+        return -q, {"q": q}
+
+    state, critic_metrics = critic_step(state, critic_loss, config=config, hyper=hyper)
+    critic = state.critic
+    state, actor_metrics = actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
+    return track(state, hyper=hyper), critic_metrics | actor_metrics

@@ -1,0 +1,201 @@
+"""Survivable robotic learning (Raza et al. 2021): DDPG whose critic is a posterior that weighs pi_B's advice.
+
+Parts as in the paper: proposals and Thompson's sample with commitment (`act`), the posterior's likelihood
+(`critic_loss`), the behaviour target (`next_action`) and guidance of the actor's gradient (`actor_loss`). The start from
+pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.agents import ddpg
+from srl_jax.agents.ddpg import AgentState, Metrics, Teacher, critic_fn, student
+from srl_jax.agents.hyper import Hyper
+from srl_jax.bayes import controller, dropout, thompson
+from srl_jax.config import SRLConfig
+from srl_jax.types import ActState, Params, Transition
+
+init = ddpg.init
+
+
+def posterior_masks(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposals: int = 0) -> tuple:
+    """Masks of `config.draws` posterior samples: f32[K, M / K, H] per layer ([K, M / K, N, H] unless shared)."""
+    shape = (config.critics, config.draws // config.critics)
+    if proposals and not config.shared_masks:
+        shape = (*shape, proposals)
+    return dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
+
+
+def proposals(actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
+    """``[pi_theta(s), pi_B1(s), ...]``, noise-free: f32[N + 1, A]."""
+    return jnp.stack([student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)])
+
+
+def act(
+    state: AgentState,
+    act_state: ActState,
+    observation: jax.Array,
+    key: jax.Array,
+    *,
+    config: SRLConfig,
+    hyper: Hyper,
+    step: jax.Array,
+    teachers: Sequence[Teacher] = (),
+) -> tuple[jax.Array, ActState]:
+    """Thompson's choice among the proposals, held to by the controller, plus exploration noise (Alg. 1).
+
+    Arguments and results as `ddpg.act`; ``guidance.choice`` of the new act_state is 0 for the student, 1.. for teachers.
+    """
+    mask_key, select_key, noise_key = jax.random.split(key, 3)
+    actions = proposals(state.actor, observation, teachers, config=config)
+    if config.noisy_proposals:
+        noisy, act_state = ddpg.explore(actions[0], act_state, noise_key, hyper=hyper, step=step)
+        actions = actions.at[0].set(noisy)
+    guidance = act_state.guidance
+    if config.select and len(actions) > 1:
+        masks = posterior_masks(mask_key, config=config, hyper=hyper, proposals=len(actions))
+        draws = dropout.q_draws(critic_fn(config), state.critic, observation, actions, masks)
+        guidance = choose(guidance, draws, select_key, config=config, hyper=hyper)
+    act_state = act_state._replace(guidance=guidance)
+    if config.noisy_proposals:
+        return actions[guidance.choice], act_state
+    return ddpg.explore(actions[guidance.choice], act_state, noise_key, hyper=hyper, step=step)
+
+
+def choose(guidance, draws: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper):
+    """The controller's new state from posterior draws f32[M, N]; without commitment, Thompson's choice alone."""
+    if not config.commit:
+        return guidance._replace(choice=thompson.choose(draws, key))
+    guidance, _ = controller.select(
+        guidance,
+        draws,
+        key,
+        hyper=controller.Commitment(hyper.beta, hyper.psi),
+        estimator=config.estimator,
+        switch_rule=config.switch_rule,
+        fallback=config.fallback,
+    )
+    return guidance
+
+
+def next_action(
+    state: AgentState, batch: Transition, teachers: Sequence[Teacher], *, config: SRLConfig
+) -> jax.Array:
+    """The TD target's action f32[B, A]: the target actor's, or the best proposal under the online mean critic."""
+    if not (config.behaviour_target and teachers):
+        return student(state.target_actor, batch.next_observation, config=config)
+
+    def best(observation: jax.Array) -> jax.Array:
+        actions = proposals(state.target_actor, observation, teachers, config=config)
+        q = jax.vmap(lambda a: dropout.mean_q(critic_fn(config), state.critic, observation, a))(actions)
+        return actions[jnp.argmax(q)]
+
+    return jax.vmap(best)(batch.next_observation)
+
+
+def critic_loss(
+    params: Params, batch: Transition, target: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper
+) -> tuple[jax.Array, Metrics]:
+    """The dropout likelihood (Gal & Ghahramani 2016), or AC-Teach's alpha-divergence over posterior samples.
+
+    td: ``sum_k mean_b w_kb (Q_k(s, a; mask) - y)^2 + lambda ||phi||^2`` with bootstrap weights w.
+    alpha: ``mean_b -(1/alpha) logsumexp_m[-(alpha tau / 2) (y - Q_m)^2] + lambda ||phi||^2``.
+    """
+    size = batch.reward.shape[0]
+    mask_key, bootstrap_key = jax.random.split(key)
+    penalty = hyper.weight_decay * sum(jnp.sum(jnp.square(p)) for p in jax.tree.leaves(params))
+    if config.critic_loss == "alpha":
+        masks = posterior_masks(mask_key, config=config, hyper=hyper)
+        over_batch = jax.vmap(dropout.q_draws, (None, None, 0, 0, None))
+        q = over_batch(critic_fn(config), params, batch.observation, batch.action[:, None], masks)[..., 0]
+        energy = -0.5 * hyper.alpha * hyper.precision * jnp.square(target[:, None] - q)
+        loss = -jnp.mean(jax.nn.logsumexp(energy, axis=1)) / hyper.alpha
+        return loss + penalty, {"critic_loss": loss}
+    masks = None
+    if config.dropout_update:
+        masks = dropout.sample_masks(mask_key, config.hidden, (config.critics, size), hyper.dropout)
+    q = jax.vmap(critic_fn(config), (0, None, None, 0))(params, batch.observation, batch.action, masks)
+    weight = jax.random.bernoulli(bootstrap_key, hyper.bootstrap, q.shape).astype(q.dtype)
+    loss = jnp.mean(weight * jnp.square(q - target[None]), axis=1).sum()
+    return loss + penalty, {"critic_loss": loss / config.critics}
+
+
+def guidance(
+    critic: Params,
+    batch: Transition,
+    action: jax.Array,
+    advice: jax.Array,
+    key: jax.Array,
+    *,
+    config: SRLConfig,
+    hyper: Hyper,
+) -> jax.Array:
+    """``p_guid(s) = P[Q(s, pi_B(s)) > Q(s, pi(s))]`` of every teacher, over the same samples for both.
+
+    Args:
+        critic: ensemble parameters.
+        batch: transitions, leading axis B.
+        action: f32[B, A] the student's.
+        advice: f32[B, N, A] the teachers'.
+        key: random key.
+        config: static settings.
+        hyper: numeric settings.
+
+    Returns:
+        f32[B, N], without gradient.
+    """
+    masks = dropout.sample_masks(key, config.hidden, (config.critics, 2), hyper.dropout)
+
+    def at_state(observation: jax.Array, own: jax.Array, others: jax.Array) -> jax.Array:
+        actions = jnp.concatenate([own[None], others])
+        draws = dropout.q_draws(critic_fn(config), critic, observation, actions, masks)
+        better = lambda i: thompson.probability_better(draws, i, 0, config.estimator)  # noqa: E731
+        return jax.vmap(better)(jnp.arange(1, len(actions)))
+
+    return jax.lax.stop_gradient(jax.vmap(at_state)(batch.observation, action, advice))
+
+
+def update(
+    state: AgentState,
+    batch: Transition,
+    key: jax.Array,
+    *,
+    config: SRLConfig,
+    hyper: Hyper,
+    step: jax.Array,
+    teachers: Sequence[Teacher] = (),
+) -> tuple[AgentState, Metrics]:
+    """One update of posterior, actor and targets from a mini-batch; arguments as `ddpg.update`.
+
+    The actor descends ``-mean_k Q_k(s, pi(s)) + g p_guid(s) ||pi(s) - pi_B(s)||^2`` (Sec. "Partially Guidance").
+
+    Returns:
+        The new state and scalar metrics ``critic_loss``, ``q``, ``p_guid``.
+    """
+    critic_key, guidance_key = jax.random.split(key)
+    chosen = next_action(state, batch, teachers, config=config)
+    target = ddpg.td_target(state, batch, chosen, config=config, hyper=hyper)
+    state, critic_metrics = ddpg.critic_step(
+        state,
+        lambda params: critic_loss(params, batch, target, critic_key, config=config, hyper=hyper),
+        config=config,
+        hyper=hyper,
+    )
+    critic = state.critic
+    guided = bool(teachers) and any(weight > 0.0 for weight in config.guidance_weight)
+
+    def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
+        action = student(params, batch.observation, config=config)
+        q = jnp.mean(ddpg.ensemble_q(critic, batch.observation, action, config=config))
+        if not guided:
+            return -q, {"q": q, "p_guid": jnp.zeros(())}
+        advice = jnp.stack([jax.vmap(teacher)(batch.observation) for teacher in teachers], axis=1)
+        p_guid = guidance(critic, batch, jax.lax.stop_gradient(action), advice, guidance_key, config=config, hyper=hyper)
+        distance = jnp.sum(jnp.square(action[:, None] - advice), axis=-1)
+        pull = hyper.guidance_weight * jnp.mean(p_guid * distance)
+        return pull - q, {"q": q, "p_guid": jnp.mean(p_guid)}
+
+    state, actor_metrics = ddpg.actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
+    return ddpg.track(state, hyper=hyper), critic_metrics | actor_metrics

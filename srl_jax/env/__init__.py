@@ -1,0 +1,1 @@
+"""The PhantomX hexapod: its model, its damage, its tasks and its MJX environment."""

@@ -1,0 +1,290 @@
+"""Damage as values: the model leaves that differ between a healthy and a damaged hexapod.
+
+A damage is a name such as ``tibia_rm``, ``leg_rm+leg_lf`` or ``tibia_rf:limp+leg_lm``: parts joined with
+``+``, each a joint (``removed``, ``limp`` or ``locked``) or a leg (``removed`` or ``limp``), ``removed``
+where no kind is given. It becomes a `Damage` of arrays, which may be batched and may change in the middle of
+a rollout without recompiling. A removed link stays in the model as a weightless ghost that touches and moves
+nothing.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from srl_jax.env.model import JOINTS, LEGS, SEGMENTS, load_model, load_spec, mjx, stance
+
+Array = jax.Array | np.ndarray
+
+HEALTHY = "healthy"
+JOINT_KINDS = ("removed", "limp", "locked")
+LEG_KINDS = ("removed", "limp")
+
+GHOST = 1e-4  # share of mass and inertia a removed link keeps: MuJoCo wants moving bodies to have some
+NEVER_TOUCHES = -10.0  # radius (m) of a lost foot: its surface is 10 m above its centre in any attitude
+
+# A locked joint stays a degree of freedom, made heavy so that nothing the robot does can accelerate it, and
+# held by a critically damped spring so that it neither drifts nor keeps the speed it had when it locked. The
+# spring is slow enough (10 rad/s) to carry a joint that locks in motion to its angle without throwing the
+# robot.
+LOCK_ARMATURE = 1e3  # kg m^2
+LOCK_RATE = 10.0  # rad/s
+
+
+class Damage(NamedTuple):
+    """Every `mjx.Model` leaf that some damage changes, named as there; a leading axis batches damages.
+
+    20 bodies (world, torso, 18 links), 24 degrees of freedom (6 + 18), 19 joints (root + 18).
+    """
+
+    body_mass: Array  # f32[20] kg
+    body_inertia: Array  # f32[20, 3] kg m^2
+    body_subtreemass: Array  # f32[20] kg
+    body_invweight0: Array  # f32[20, 2]
+    dof_invweight0: Array  # f32[24]
+    dof_armature: Array  # f32[24] kg m^2
+    dof_damping: Array  # f32[24] N m s/rad
+    jnt_stiffness: Array  # f32[19] N m/rad
+    qpos_spring: Array  # f32[25] rad (m and quaternion for the root)
+    geom_size: Array  # f32[ngeom, 3] m
+    actuator_gainprm: Array  # f32[18, 10]
+    actuator_biasprm: Array  # f32[18, 10]
+
+
+class Loss(NamedTuple):
+    """One part of a damage name."""
+
+    segment: str  # coxa, femur, tibia, or leg
+    leg: str
+    kind: str  # removed, limp, locked
+
+    @property
+    def name(self) -> str:
+        part = f"{self.segment}_{self.leg}"
+        return part if self.kind == "removed" else f"{part}:{self.kind}"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints this loss disables, from the hip outwards; a removed link takes what hangs on it."""
+        first = 0 if self.segment == "leg" else SEGMENTS.index(self.segment)
+        last = len(SEGMENTS) if self.segment == "leg" or self.kind == "removed" else first + 1
+        return tuple(f"{segment}_{self.leg}" for segment in SEGMENTS[first:last])
+
+
+def canonical(name: str) -> str:
+    """The one spelling of a damage: parts in leg and segment order, ``removed`` left out.
+
+    Raises:
+        ValueError: for an unknown part or kind, or where two parts concern the same joint.
+    """
+    return "+".join(loss.name for loss in _parse(name)) or HEALTHY
+
+
+def catalogue() -> tuple[str, ...]:
+    """Healthy, 18 joints x 3 kinds, 6 legs x 2 kinds, and 15 pairs of removed legs: 82 names."""
+    joints = [Loss(segment, leg, kind).name for leg in LEGS for segment in SEGMENTS for kind in JOINT_KINDS]
+    legs = [Loss("leg", leg, kind).name for leg in LEGS for kind in LEG_KINDS]
+    return (HEALTHY, *joints, *legs, *losses21()[len(LEGS) :])
+
+
+def losses21() -> tuple[str, ...]:
+    """The 6 + 15 losses of one or two legs, the set Mailer (2021) and HexaHeal report on."""
+    return tuple("+".join(f"leg_{leg}" for leg in lost) for n in (1, 2) for lost in combinations(LEGS, n))
+
+
+def task_set(task: str) -> tuple[str, ...]:
+    """The paper's six damages for a task: a lost tibia for ``x``, a lost leg for ``xy`` and ``p2p``.
+
+    Raises:
+        ValueError: for an unknown task.
+    """
+    parts = {"x": "tibia", "xy": "leg", "p2p": "leg"}
+    if task not in parts:
+        raise ValueError(f"task is {task!r}; accepted are {', '.join(parts)}.")
+    return tuple(f"{parts[task]}_{leg}" for leg in LEGS)
+
+
+def parse_names(text: str, task: str) -> tuple[str, ...]:
+    """Canonical names for a command line: ``task`` (`task_set`), ``all`` (`catalogue`), or a comma list.
+
+    Raises:
+        ValueError: for a bad name, an unknown task, or a damage given twice.
+    """
+    if text.strip() == "task":
+        return task_set(task)
+    if text.strip() == "all":
+        return catalogue()
+    names = tuple(canonical(name) for name in text.split(","))
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"damage {text!r} names {name!r} more than once; each damage is accepted once.")
+    return names
+
+
+def build(name: str) -> Damage:
+    """The damage called ``name`` as NumPy arrays.
+
+    Raises:
+        ValueError: for a bad name, as `canonical`.
+    """
+    model = damaged_model(name)
+    return Damage(*(np.array(getattr(model, field), np.float32) for field in Damage._fields))
+
+
+def stack(names: Sequence[str]) -> Damage:
+    """The damages called ``names``, stacked on a leading axis, ready for ``vmap``.
+
+    Raises:
+        ValueError: for a bad name, as `canonical`, or for no name at all.
+    """
+    if not names:
+        raise ValueError("names is empty; at least one damage is needed.")
+    return Damage(*(np.stack(leaves) for leaves in zip(*(build(name) for name in names), strict=True)))
+
+
+def apply(model: mjx.Model, damage: Damage) -> mjx.Model:
+    """``model`` with the leaves of one (unbatched) ``damage``; works under ``vmap``."""
+    return model.replace(**{field: jnp.asarray(leaf) for field, leaf in damage._asdict().items()})
+
+
+def damaged_model(name: str) -> mujoco.MjModel:
+    """The C MuJoCo model with the same edits as `build`; removed links are also made invisible.
+
+    Raises:
+        ValueError: for a bad name, as `canonical`.
+    """
+    model, losses = load_model(), _parse(name)
+    for loss in losses:
+        for joint in loss.joints:
+            actuator = model.actuator(joint).id
+            model.actuator_gainprm[actuator] = 0
+            model.actuator_biasprm[actuator] = 0
+            if loss.kind == "removed":
+                _remove_link(model, joint)
+            elif loss.kind == "locked":
+                _lock_joint(model, joint)
+    _derive_constants(model, losses)
+    return model
+
+
+def recompiled(name: str) -> mujoco.MjModel:
+    """The robot that truly lacks its lost parts, compiled anew: the reference the edits are tested against.
+
+    Removed links are deleted with all that hangs on them, a limp joint loses its actuator, a locked one is
+    welded at its stance angle. The keyframe ``stance`` keeps the surviving joints.
+
+    Raises:
+        ValueError: for a bad name, as `canonical`.
+    """
+    healthy, spec = load_model(), load_spec()
+    spec.delete(spec.key("stance"))
+    gone = set()
+    for loss in _parse(name):
+        for joint in loss.joints:
+            spec.delete(spec.actuator(joint))
+        if loss.kind == "removed":
+            spec.delete(spec.body(loss.joints[0]))
+        elif loss.kind == "locked":
+            _weld_joint(spec, healthy, loss.joints[0])
+        if loss.kind != "limp":
+            gone.update(loss.joints)
+    angle = {joint: _stance_angle(healthy, joint) for joint in JOINTS}
+    root = stance(healthy)[:7]
+    key = spec.add_key(name="stance", qpos=[*root, *(angle[joint] for joint in JOINTS if joint not in gone)])
+    key.ctrl = [angle[actuator.name] for actuator in spec.actuators]
+    return spec.compile()
+
+
+def _parse(name: str) -> tuple[Loss, ...]:
+    """The losses in ``name``, in leg and segment order; none for ``healthy``."""
+    if name.strip() == HEALTHY:
+        return ()
+    losses = sorted(
+        (_parse_loss(part, name) for part in name.split("+")),
+        key=lambda loss: (LEGS.index(loss.leg), ("leg", *SEGMENTS).index(loss.segment)),
+    )
+    owner: dict[str, Loss] = {}
+    for loss in losses:
+        for joint in loss.joints:
+            if joint in owner:
+                raise ValueError(
+                    f"damage {name!r} names {joint} twice, by {owner[joint].name!r} and {loss.name!r}; "
+                    "each joint is accepted in one part only."
+                )
+            owner[joint] = loss
+    return tuple(losses)
+
+
+def _parse_loss(part: str, name: str) -> Loss:
+    place, colon, kind = part.strip().partition(":")
+    segment, _, leg = place.partition("_")
+    if segment not in ("leg", *SEGMENTS) or leg not in LEGS:
+        raise ValueError(
+            f"damage {name!r} has the unknown part {part!r}; accepted are {HEALTHY!r} alone, or leg_, coxa_, "
+            f"femur_ or tibia_ followed by one of {', '.join(LEGS)}, joined with '+'."
+        )
+    kinds = LEG_KINDS if segment == "leg" else JOINT_KINDS
+    if colon and kind not in kinds:
+        raise ValueError(
+            f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(kinds)}."
+        )
+    return Loss(segment, leg, kind or "removed")
+
+
+def _stance_angle(model: mujoco.MjModel, joint: str) -> float:
+    return float(stance(model)[model.joint(joint).qposadr[0]])
+
+
+def _remove_link(model: mujoco.MjModel, joint: str) -> None:
+    """Leave a ghost of the link behind ``joint``: hardly any mass, no contact, not drawn."""
+    body = model.body(joint).id
+    model.body_mass[body] *= GHOST
+    model.body_inertia[body] *= GHOST
+    geoms = model.geom_bodyid == body
+    model.geom_size[geoms & (model.geom_contype > 0), 0] = NEVER_TOUCHES
+    model.geom_matid[geoms] = -1  # a material's colour would win over the geom's own
+    model.geom_rgba[geoms] = 0
+
+
+def _lock_joint(model: mujoco.MjModel, joint: str) -> None:
+    """Make ``joint`` heavy and hold it at its stance angle by a stiff, critically damped spring."""
+    dof = model.joint(joint).dofadr[0]
+    model.dof_armature[dof] = LOCK_ARMATURE
+    model.dof_damping[dof] = 2 * LOCK_ARMATURE * LOCK_RATE
+    model.jnt_stiffness[model.joint(joint).id] = LOCK_ARMATURE * LOCK_RATE**2
+    model.qpos_spring[model.joint(joint).qposadr[0]] = _stance_angle(model, joint)
+
+
+def _derive_constants(model: mujoco.MjModel, losses: Sequence[Loss]) -> None:
+    """Bring what MuJoCo derives from masses and inertias (inverse weights, subtree masses) up to date.
+
+    It derives them with every joint at 0, where a locked joint will never be: its link is turned meanwhile.
+    The joint's armature would swamp the mean inertia, which scales the solver's tolerances: that one is kept.
+    """
+    quats, meaninertia = model.body_quat.copy(), model.stat.meaninertia
+    for loss in losses:
+        if loss.kind == "locked":
+            model.body(loss.joints[0]).quat = _stance_quat(model, loss.joints[0])
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    model.body_quat[:] = quats
+    model.stat.meaninertia = meaninertia
+
+
+def _stance_quat(model: mujoco.MjModel, joint: str) -> np.ndarray:
+    """Orientation in its parent, at the stance angle, of the link that ``joint`` moves: f[4]."""
+    turn, quat = np.zeros(4), np.zeros(4)
+    mujoco.mju_axisAngle2Quat(turn, model.joint(joint).axis, _stance_angle(model, joint))
+    mujoco.mju_mulQuat(quat, model.body(joint).quat, turn)
+    return quat
+
+
+def _weld_joint(spec: mujoco.MjSpec, model: mujoco.MjModel, joint: str) -> None:
+    """Delete ``joint`` from ``spec``, leaving its link at the stance angle."""
+    body = spec.body(joint)
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.quat = _stance_quat(model, joint)
+    spec.delete(spec.joint(joint))

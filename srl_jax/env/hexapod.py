@@ -1,0 +1,183 @@
+"""The hexapod as a pure environment: reset and step of one robot, with its damage as a value."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.config import EnvConfig
+from srl_jax.env import damage as damages
+from srl_jax.env import task as tasks
+from srl_jax.env.damage import Damage
+from srl_jax.env.model import load_model, mjx, put_model, stance
+from srl_jax.env.model import step as physics_step
+
+CONTROL_HZ = 20.0
+SUBSTEPS = 3  # of 1/60 s
+ACTION_SIZE = 18
+ACTION_SCALE = (0.6, 0.7, 0.7)  # rad of coxa, femur, tibia about the stance at action 1
+UPRIGHT = 0.3  # cosine of the tilt below which the robot has tipped over
+
+
+class Hexapod(NamedTuple):
+    """The robot and its task; closed over, never traced."""
+
+    model: mjx.Model
+    data: mjx.Data  # a template: only positions, velocities and the solver's warm start vary
+    stance: jax.Array  # f32[25] standing pose
+    task: str
+    config: EnvConfig
+    clock_hz: float  # frequency of the observed gait clock
+
+
+class EnvState(NamedTuple):
+    """One robot between two control steps."""
+
+    qpos: jax.Array  # f32[25] torso position (m), quaternion, joint angles (rad)
+    qvel: jax.Array  # f32[24] torso linear (world) and angular (body) velocity, joint velocities (rad/s)
+    warmstart: jax.Array  # f32[24] accelerations the solver starts from
+    phase: jax.Array  # f32[] gait clock in [0, 1)
+    steps: jax.Array  # i32[] control steps since reset
+    goal: jax.Array  # f32[2] m, p2p only
+
+
+class EnvStep(NamedTuple):
+    """What one control step returns; the observation is that of the reached state, before any reset."""
+
+    observation: jax.Array  # f32[O]
+    reward: jax.Array  # f32[]
+    terminated: jax.Array  # bool[] goal reached or tipped over
+    truncated: jax.Array  # bool[] out of time, and not terminated
+    success: jax.Array  # bool[]
+    fell: jax.Array  # bool[]
+    progress: jax.Array  # f32[] m come closer in this step
+    terms: tasks.RewardTerms
+
+
+def make(task: str, config: EnvConfig, clock_hz: float) -> Hexapod:
+    """The robot with its task, ready for `reset` and `step`.
+
+    Raises:
+        ValueError: unknown task.
+    """
+    if task not in ("x", "xy", "p2p"):
+        raise ValueError(f"task is {task!r}: choose x, xy or p2p.")
+    c_model = load_model()
+    model = put_model(c_model)
+    return Hexapod(model, mjx.make_data(c_model), jnp.asarray(stance(c_model), jnp.float32), task, config, clock_hz)
+
+
+def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax.Array]:
+    """A robot standing at the origin, its joints and clock perturbed, and its observation f32[O]."""
+    joint_key, phase_key, goal_key = jax.random.split(key, 3)
+    noise = robot.config.start_noise * jax.random.uniform(joint_key, (ACTION_SIZE,), minval=-1.0)
+    free = damage.dof_armature[6:] < damages.LOCK_ARMATURE  # a locked joint starts, and stays, where it locked
+    state = EnvState(
+        qpos=robot.stance.at[7:].add(jnp.where(free, noise, 0.0)),
+        qvel=jnp.zeros(24),
+        warmstart=jnp.zeros(24),
+        phase=jax.random.uniform(phase_key),
+        steps=jnp.zeros((), jnp.int32),
+        goal=tasks.sample_goal(robot.task, robot.config, goal_key),
+    )
+    return state, observe(robot, state)
+
+
+def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
+    """Joint position targets (rad) of an action in [-1, 1]: f32[18]."""
+    return robot.stance[7:] + jnp.tile(jnp.array(ACTION_SCALE), 6) * action
+
+
+def simulate(robot: Hexapod, damage: Damage, state: EnvState, control: jax.Array) -> EnvState:
+    """One control period of physics under constant position targets f32[18]; clock and counters are left alone."""
+    model = damages.apply(robot.model, damage)
+    data = robot.data.replace(qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.warmstart, ctrl=control)
+
+    def substep(carry, _):
+        # Only what changes is carried: copying all of mjx.Data from step to step costs more than some steps.
+        data_ = data.replace(qpos=carry[0], qvel=carry[1], qacc_warmstart=carry[2])
+        data_ = physics_step(model, data_)
+        return (data_.qpos, data_.qvel, data_.qacc_warmstart), None
+
+    carry, _ = jax.lax.scan(substep, (data.qpos, data.qvel, data.qacc_warmstart), None, length=SUBSTEPS)
+    return state._replace(qpos=carry[0], qvel=carry[1], warmstart=carry[2])
+
+
+def step(robot: Hexapod, damage: Damage, state: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
+    """One control step of 1/20 s, without auto-reset.
+
+    Args:
+        robot: from `make`.
+        damage: unbatched values.
+        state: before the step.
+        action: f32[18] in [-1, 1].
+
+    Returns:
+        The reached state and what it earned.
+    """
+    after = simulate(robot, damage, state, targets(robot, action))
+    return advance(robot, state, after, action)
+
+
+def advance(robot: Hexapod, before: EnvState, after: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
+    """Clock, reward and ends of a step whose physics is done; shared by MJX and C rollouts."""
+    task, config = robot.task, robot.config
+    phase = jnp.mod(before.phase + robot.clock_hz / CONTROL_HZ, 1.0)
+    after = after._replace(phase=phase, steps=before.steps + 1)
+    progress = tasks.distance(task, after.qpos[:2], after.goal) - tasks.distance(task, before.qpos[:2], before.goal)
+    success = tasks.succeeded(task, config, after.qpos[:2], after.goal)
+    fell = rotation(after.qpos[3:7])[2, 2] < UPRIGHT
+    ends = tasks.ends_on_success(task, config)
+    terminated = (success & ends) | fell
+    terms = tasks.reward_terms(config, progress, action, success, fell, goal_task=ends)
+    return after, EnvStep(
+        observation=observe(robot, after),
+        reward=sum(terms, jnp.zeros(())),
+        terminated=terminated,
+        truncated=(after.steps >= config.episode_steps) & ~terminated,
+        success=success,
+        fell=fell,
+        progress=progress,
+        terms=terms,
+    )
+
+
+def rotation(quaternion: jax.Array) -> jax.Array:
+    """Rotation matrix f32[3, 3], body to world, of a unit quaternion f32[4] (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return jnp.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def observe(robot: Hexapod, state: EnvState) -> jax.Array:
+    """The observation f32[O], components of order one.
+
+    First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2), and
+    for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18). A `full`
+    observation adds base velocities (3 + 3), joint velocities (18) and torso height (1), which the real robot lacks.
+    """
+    frame = rotation(state.qpos[3:7])
+    angle = 2.0 * jnp.pi * state.phase
+    position = state.qpos[:2]
+    heading = frame[:2, 0] / jnp.maximum(jnp.linalg.norm(frame[:2, 0]), 1e-6)
+    towards = tasks.direction(robot.task, position, state.goal)
+    ahead = jnp.dot(towards, heading)
+    left = heading[0] * towards[1] - heading[1] * towards[0]
+    parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle), ahead, left])]
+    if robot.task == "p2p":
+        parts.append(jnp.minimum(-tasks.distance("p2p", position, state.goal), 2.0)[None])
+    parts += [-frame[2], state.qpos[7:] - robot.stance[7:]]
+    if robot.config.observation == "full":
+        parts += [frame.T @ state.qvel[:3], 0.3 * state.qvel[3:6], 0.1 * state.qvel[6:], 10.0 * state.qpos[2:3]]
+    return jnp.concatenate(parts)
+
+
+def observation_size(task: str, config: EnvConfig) -> int:
+    """O for a task and kind of observation."""
+    onboard = 4 + (task == "p2p") + 3 + ACTION_SIZE
+    return onboard + (3 + 3 + ACTION_SIZE + 1 if config.observation == "full" else 0)

@@ -1,0 +1,66 @@
+"""A ring buffer whose rows are whole transitions, packed into one matrix so that sampling is one gather."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.types import Transition
+
+
+class Replay(NamedTuple):
+    """Capacity C of transitions of width W = 2 O + A + 3."""
+
+    rows: jax.Array  # f32[C, W]
+
+
+def width(observation_size: int, action_size: int) -> int:
+    """Floats in one packed transition."""
+    return 2 * observation_size + action_size + 3
+
+
+def init(capacity: int, observation_size: int, action_size: int) -> Replay:
+    """An empty buffer of `capacity` transitions (zeros; the caller counts what is filled)."""
+    return Replay(jnp.zeros((capacity, width(observation_size, action_size)), jnp.float32))
+
+
+def pack(transition: Transition) -> jax.Array:
+    """A transition (any leading axes) as f32[..., W]."""
+    t = transition
+    scalars = jnp.stack([t.reward, t.discount, t.chosen], axis=-1).astype(jnp.float32)
+    return jnp.concatenate([t.observation, t.next_observation, t.action, scalars], axis=-1)
+
+
+def unpack(rows: jax.Array, observation_size: int) -> Transition:
+    """The transitions in f32[..., W]; inverse of `pack`."""
+    o = observation_size
+    return Transition(
+        observation=rows[..., :o],
+        next_observation=rows[..., o : 2 * o],
+        action=rows[..., 2 * o : -3],
+        reward=rows[..., -3],
+        discount=rows[..., -2],
+        chosen=rows[..., -1],
+    )
+
+
+def add(replay: Replay, transition: Transition, at: jax.Array) -> Replay:
+    """Writes E transitions at the rows that follow write number `at`.
+
+    Args:
+        replay: capacity C, a multiple of E.
+        transition: leading axis E.
+        at: i32[] number of rows ever written, a multiple of E; wraps around at C.
+    """
+    new = pack(transition)
+    start = at % replay.rows.shape[0]
+    return Replay(jax.lax.dynamic_update_slice_in_dim(replay.rows, new, start, axis=0))
+
+
+def sample(replay: Replay, filled: jax.Array, n: int, key: jax.Array, observation_size: int) -> Transition:
+    """Draws n transitions uniformly, with replacement, from the first `filled` rows.
+
+    With replacement, since `choice(replace=False)` costs 250 times as much and batches are far smaller than buffers.
+    """
+    index = jax.random.randint(key, (n,), 0, jnp.maximum(filled, 1))
+    return unpack(replay.rows[index], observation_size)
