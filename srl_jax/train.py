@@ -150,7 +150,7 @@ def make_chunk(program: Program) -> Callable[[TrainState, LaneData, Mode, jax.Ar
     """
 
     def local(state: TrainState, lanes: LaneData, mode_: Mode, n: jax.Array):
-        carry = state, zero_tally(program, state)
+        carry = state, zero_tally(program, jnp.zeros(state.alive.shape), dict(program.layout.counts))
         return jax.lax.fori_loop(0, n, lambda _, c: vector_step(program, lanes, mode_, *c), carry)
 
     rows, same = P(AXIS), P()
@@ -166,20 +166,25 @@ def make_chunk(program: Program) -> Callable[[TrainState, LaneData, Mode, jax.Ar
     return jax.jit(mapped, donate_argnums=0)
 
 
-def zero_tally(program: Program, state: TrainState) -> Tally:
-    """A tally of nothing yet, for the rows of one device."""
-    zeros = jnp.zeros(state.alive.shape)
-    names = {"srl": ("critic_loss", "q", "p_guid"), "ddpg": ("critic_loss", "q")}
+def zero_tally(program: Program, zeros: Any, rows: dict[str, int]) -> Tally:
+    """A tally of nothing yet.
+
+    Args:
+        program: static parts.
+        zeros: f32[R], one zero per row.
+        rows: how many of them each algorithm has.
+    """
+    terms = [f"reward_{name}" for name in hexapod.tasks.RewardTerms._fields]
     losses = {}
-    for algo, rows in program.layout.slices().items():
-        kind = "srl" if isinstance(program.agent_config(algo), SRLConfig) else "ddpg"
-        losses[algo] = {name: zeros[rows] for name in names[kind]}
+    for algo, count in rows.items():
+        guided = isinstance(program.agent_config(algo), SRLConfig)
+        losses[algo] = {name: zeros[:count] for name in ("critic_loss", "q", *(["p_guid"] if guided else []))}
     return Tally(
         episodes=zeros,
         totals={name: zeros for name in ("return", "distance", "success", "fell")},
         steps=zeros,
-        rates={name: zeros for name in ("chosen_teacher", *(f"reward_{f}" for f in hexapod.tasks.RewardTerms._fields))},
-        updates=jnp.zeros(()),
+        rates={name: zeros for name in ("chosen_teacher", *terms)},
+        updates=zeros[0],
         losses=losses,
     )
 

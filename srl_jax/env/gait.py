@@ -6,26 +6,28 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 DATA = Path(__file__).with_name("gait.json")
 
-# Legs in the order rf rm rr lf lm lr. A coxa's positive yaw carries the foot forwards on the right, backwards on the left.
-SIDE = (1.0, 1.0, 1.0, -1.0, -1.0, -1.0)
-TRIPOD = (0.0, 0.5, 0.0, 0.5, 0.0, 0.5)  # {rf, rr, lm} against {rm, lf, lr}, in antiphase
+# Legs in the order rf rm rr lf lm lr. A coxa's positive yaw turns its leg counter-clockwise, seen from above.
+MOUNT = np.deg2rad(np.array([-45.0, -90.0, -135.0, 45.0, 90.0, 135.0], np.float32))  # where a leg points
+TRIPOD = np.array([0.0, 0.5, 0.0, 0.5, 0.0, 0.5], np.float32)  # {rf, rr, lm} and {rm, lf, lr} in antiphase
 
 
 class Gait(NamedTuple):
     """Parameters of the tripod; amplitudes and offsets in units of action, where 1 is the joint's full excursion."""
 
     frequency: jax.Array  # f32[] Hz of the clock
-    stride: jax.Array  # f32[] coxa amplitude
+    stride: jax.Array  # f32[] coxa amplitude of a leg that steps across its own direction
+    reach: jax.Array  # f32[] tibia amplitude of a leg that steps along its own direction
+    level: jax.Array  # f32[] femur amplitude that keeps such a leg's foot at its height
     lift: jax.Array  # f32[] femur amplitude while the foot swings
     tuck: jax.Array  # f32[] tibia amplitude while the foot swings
-    reach: jax.Array  # f32[] tibia amplitude in phase with the stride
-    press: jax.Array  # f32[] femur offset while the foot stands
+    press: jax.Array  # f32[] femur offset, downwards
     crouch: jax.Array  # f32[] tibia offset
-    lag: jax.Array  # f32[] cycles by which the lift follows the stride
-    turn: jax.Array  # f32[] stride difference of the sides per radian of heading error
+    lag: jax.Array  # f32[] cycles by which the lift follows the step
+    turn: jax.Array  # f32[] coxa amplitude that turns the robot towards a goal straight to its left
 
 
 def load(path: Path = DATA) -> Gait:
@@ -36,18 +38,18 @@ def load(path: Path = DATA) -> Gait:
 def act(gait: Gait, observation: jax.Array) -> jax.Array:
     """The gait's action f32[18] at an observation, of which it reads clock (0:2) and direction (2:4).
 
-    A goal to the side makes the outer legs stride longer, one behind makes the robot turn on the spot.
+    Every foot steps in the goal's direction, whichever way the body faces: across its leg by the coxa, along it by femur
+    and tibia. So the robot walks sideways and backwards too, and turns towards the goal meanwhile. Unlike turning by
+    the angle to the goal, this is continuous, also where the goal is straight behind.
     """
     clock = jnp.arctan2(observation[0], observation[1])
     ahead, left = observation[2], observation[3]
-    error = jnp.arctan2(left, ahead)
-    turn = jnp.clip(gait.turn * error, -1.0, 1.0)
-    side = jnp.array(SIDE)
-    stride = gait.stride * jnp.clip(jnp.maximum(ahead, 0.0) + side * turn, -1.0, 1.0)
-    angle = clock + 2.0 * jnp.pi * jnp.array(TRIPOD)
+    across = left * jnp.cos(MOUNT) - ahead * jnp.sin(MOUNT)
+    along = ahead * jnp.cos(MOUNT) + left * jnp.sin(MOUNT)
+    angle = clock + 2.0 * jnp.pi * TRIPOD
     swing = jnp.maximum(jnp.sin(angle - 2.0 * jnp.pi * gait.lag), 0.0)
     forward = -jnp.cos(angle)  # rises while the foot swings
-    coxa = side * stride * forward
-    femur = gait.lift * swing - gait.press
-    tibia = gait.crouch + gait.tuck * swing + gait.reach * forward
+    coxa = (gait.stride * across + gait.turn * left) * forward
+    femur = gait.lift * swing + gait.level * along * forward - gait.press
+    tibia = gait.tuck * swing + gait.reach * along * forward + gait.crouch
     return jnp.clip(jnp.stack([coxa, femur, tibia], axis=1).reshape(-1), -1.0, 1.0)

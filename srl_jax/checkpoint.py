@@ -1,0 +1,80 @@
+"""Orbax checkpoints: the whole state of a run, and beside it the students alone, which are small and often wanted."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import orbax.checkpoint as ocp
+
+from srl_jax.replay import Replay
+from srl_jax.train import LaneData, Tally, TrainState
+
+
+def manager(directory: Path) -> ocp.CheckpointManager:
+    """Writes in the background and atomically; keeps the newest checkpoint (a replay is large)."""
+    options = ocp.CheckpointManagerOptions(max_to_keep=1, enable_async_checkpointing=True, create=True)
+    return ocp.CheckpointManager(directory.absolute(), options=options)
+
+
+def save(keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally) -> None:
+    """Starts saving at the state's clock; the program may go on at once.
+
+    What is saved is copied first: the next chunk writes into the state's own buffers. Replay rows not yet filled are left out.
+    """
+    step = int(state.clock)
+    payload = _payload(state, lanes, tally, min(step, state.replay.rows.shape[1]))
+    students = {algo: agent.actor for algo, agent in state.agents.items()}
+    payload, students = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, students))
+    items = ocp.args.Composite(state=ocp.args.StandardSave(payload), students=ocp.args.StandardSave(students))
+    keeper.save(step, args=items)
+
+
+def restore(
+    keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally
+) -> tuple[TrainState, LaneData, Tally] | None:
+    """The newest checkpoint, in the shapes and on the devices of the arguments; None where there is none yet.
+
+    Raises:
+        ValueError: the checkpoint cannot be read.
+    """
+    step = keeper.latest_step()
+    if step is None:
+        return None
+    filled = min(step, state.replay.rows.shape[1])
+    wanted = jax.tree.map(ocp.utils.to_shape_dtype_struct, _payload(state, lanes, tally, filled))
+    found = _read(keeper, step, state=ocp.args.StandardRestore(wanted))["state"]
+    train_state: TrainState = found["state"]
+    merge = jax.jit(lambda rows, new: rows.at[:, :filled].set(new), donate_argnums=0)
+    replay = Replay(merge(state.replay.rows, train_state.replay.rows))
+    return train_state._replace(replay=replay), lanes._replace(prior=found["prior"]), found["tally"]
+
+
+def students(directory: Path) -> dict[str, Any]:
+    """Actor parameters of every row, by algorithm, from the newest checkpoint of a run's directory.
+
+    Raises:
+        ValueError: there is no checkpoint, or it cannot be read.
+    """
+    if not directory.is_dir():
+        raise ValueError(f"{directory} is not a directory of checkpoints: a finished run has one.")
+    with manager(directory) as keeper:
+        step = keeper.latest_step()
+        if step is None:
+            raise ValueError(f"{directory} holds no complete checkpoint: a finished run has one.")
+        return _read(keeper, step, students=ocp.args.StandardRestore())["students"]
+
+
+def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> dict[str, Any]:
+    filled_rows = Replay(state.replay.rows[:, :filled])
+    return {"state": state._replace(replay=filled_rows), "prior": lanes.prior, "tally": tally}
+
+
+def _read(keeper: ocp.CheckpointManager, step: int, **items: ocp.args.StandardRestore) -> Any:
+    try:
+        return keeper.restore(step, args=ocp.args.Composite(**items))
+    except Exception as error:  # Orbax and its storage raise many kinds for a damaged file
+        raise ValueError(
+            f"checkpoint {step} in {keeper.directory} cannot be read ({type(error).__name__}); "
+            "remove its folder to start again from the beginning, or restore it from a copy."
+        ) from error

@@ -1,0 +1,101 @@
+"""Presets, and sweeps as they arrive from the command line."""
+
+import dataclasses
+import subprocess
+import sys
+
+import pytest
+import tyro
+
+from srl_jax.agents import hyper
+from srl_jax.config import ALGORITHMS, TASKS, Config, DDPGConfig, SRLConfig, preset
+
+
+def test_default_preset_is_the_config():
+    assert preset("default") == Config()
+
+
+def test_unknown_preset_names_the_choices():
+    with pytest.raises(ValueError, match="preset is 'papper': choose default, paper or smoke"):
+        preset("papper")
+
+
+@pytest.mark.parametrize("name", ["default", "paper", "smoke"])
+def test_presets_are_consistent(name):
+    config = preset(name)
+    assert set(config.algos.split(",")) <= set(ALGORITHMS) and config.task in TASKS
+    train = config.train
+    assert train.capacity % train.environments == 0
+    assert train.checkpoint_every % train.evaluate_every == 0
+    assert config.steps % train.evaluate_every == 0
+    for algo in ALGORITHMS:
+        agent = getattr(config, algo)
+        assert len(hyper.variants(agent)) == 1, "a preset must not sweep"
+        assert agent.batch <= train.capacity
+        assert agent.freeze[0] < config.steps
+        if isinstance(agent, SRLConfig):
+            assert agent.draws % agent.critics == 0
+    assert isinstance(config.srl, SRLConfig) and not isinstance(config.ddpg, SRLConfig)
+
+
+def test_paper_preset_is_its_table():
+    config = preset("paper")
+    assert (config.train.capacity, config.env.episode_steps, config.steps) == (1600, 2500, 7000 * 2500)
+    for algo in ALGORITHMS:
+        agent = getattr(config, algo)
+        assert agent.hidden == (1200, 1200, 1200, 1200, 600) and agent.batch == 300
+        assert (agent.critic_optimiser, agent.actor_optimiser) == ("adam", "rmsprop")
+        assert agent.actor_lr == agent.critic_lr == (3e-2,)
+        assert agent.noise_decay == (0.9999,)
+    assert config.srl.dropout_update
+
+
+def test_algorithms_differ_where_they_should():
+    config = Config()
+    assert config.ddpg_warm == dataclasses.replace(config.ddpg, init="behaviour")
+    assert config.acteach.guidance_weight == (0.0,) and config.acteach.critic_loss == "alpha"
+    assert not config.acteach.shared_masks and config.acteach.noisy_proposals
+
+
+def test_configs_cannot_be_changed_in_place():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Config().steps = 1  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("text", "values"), [("0.1", (0.1,)), ("1e-3,3e-4", (1e-3, 3e-4)), ("1,0.5,0", (1.0, 0.5, 0.0))]
+)
+def test_sweeps_are_parsed_from_commas(text, values):
+    parsed = tyro.cli(SRLConfig, args=["--beta", text], default=SRLConfig())
+    assert parsed == SRLConfig(beta=values)
+
+
+def test_sweeps_are_parsed_inside_a_run():
+    config = tyro.cli(Config, args=["--srl.actor-lr", "1e-3,1e-4", "--ddpg.tau", "0.02"], default=preset("smoke"))
+    assert config.srl.actor_lr == (1e-3, 1e-4) and config.ddpg.tau == (0.02,)
+    assert config.srl.hidden == (32, 32), "the preset's other values stay"
+
+
+@pytest.mark.parametrize("text", ["fast", "0.1;0.2", ""])
+def test_a_sweep_that_is_no_number_is_refused(text, capsys):
+    with pytest.raises(SystemExit):
+        tyro.cli(DDPGConfig, args=["--tau", text])
+    assert "tau" in capsys.readouterr().err
+
+
+def test_variants_are_the_product_of_the_sweeps():
+    config = SRLConfig(beta=(0.5, 0.6), tau=(0.01, 0.02, 0.03))
+    assert hyper.variants(config) == [{"tau": t, "beta": b} for t in (0.01, 0.02, 0.03) for b in (0.5, 0.6)]
+    assert hyper.variants(DDPGConfig()) == [{}]
+
+
+def test_hyper_takes_the_chosen_values_and_zeroes_what_an_agent_lacks():
+    chosen = hyper.from_config(SRLConfig(beta=(0.5, 0.6)), beta=0.6)
+    assert chosen.beta == pytest.approx(0.6) and chosen.psi == pytest.approx(0.99)
+    assert hyper.from_config(DDPGConfig()).beta == 0.0
+    assert all(value.dtype == "float32" and value.shape == () for value in chosen)
+
+
+def test_config_answers_without_jax():
+    code = "import sys, srl_jax.config; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
