@@ -15,7 +15,10 @@ from srl_jax.types import ActState, Transition
 
 EPISODE, EPISODES, BATCH = 200, 20, 128
 COMMON = dict(critics=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,))
-AGENTS = {"ddpg": (ddpg, DDPGConfig(**COMMON)), "srl": (srl, SRLConfig(init="random", dropout=(0.1,), **COMMON))}
+AGENTS = {
+    "ddpg": (ddpg, DDPGConfig(**COMMON)),
+    "srl": (srl, SRLConfig(init="random", dropout=(0.1,), **COMMON)),
+}
 
 
 def reset(key: jax.Array) -> jax.Array:
@@ -46,7 +49,9 @@ def swing_up(observation: jax.Array) -> jax.Array:
 def evaluate(policy, key: jax.Array) -> jax.Array:
     """Mean return of a policy f32[3] -> f32[1], noise-free: f32[]."""
     starts = jax.vmap(reset)(jax.random.split(key, EPISODES))
-    _, rewards = jax.lax.scan(lambda s, _: jax.vmap(step)(s, policy(jax.vmap(observe)(s))), starts, length=EPISODE)
+    _, rewards = jax.lax.scan(
+        lambda s, _: jax.vmap(step)(s, policy(jax.vmap(observe)(s))), starts, length=EPISODE
+    )
     return rewards.sum(0).mean()
 
 
@@ -80,7 +85,9 @@ def main(algo: Literal["ddpg", "srl"] = "ddpg", seeds: int = 10, steps: int = 30
     agent, config = AGENTS[algo]
     run = jax.jit(jax.vmap(partial(train, agent=agent, config=config, steps=steps)))
     returns = run(jax.vmap(jax.random.key)(jnp.arange(seeds)))
-    print(f"{algo}: {returns.mean():.0f} ± {returns.std():.0f}; by seed", *(f"{value:.0f}" for value in returns))
+    print(
+        f"{algo}: {returns.mean():.0f} ± {returns.std():.0f}; by seed", *(f"{value:.0f}" for value in returns)
+    )
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import orbax.checkpoint as ocp
 
 from srl_jax.replay import Replay
-from srl_jax.train import LaneData, Tally, TrainState
+from srl_jax.state import LaneData, Tally, TrainState
 
 
 def manager(directory: Path) -> ocp.CheckpointManager:

@@ -6,7 +6,7 @@ static and shapes the compiled program. This module imports no jax, so that ``--
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -237,7 +237,12 @@ def preset(name: str) -> Config:
         return dataclasses.replace(base, steps=7000 * 2500, env=env, train=train, **agents)
     if name == "smoke":
         train = TrainConfig(
-            capacity=1_600, warmup=160, evaluate_every=800, checkpoint_every=800, prior_steps=400, clone_updates=100
+            capacity=1_600,
+            warmup=160,
+            evaluate_every=800,
+            checkpoint_every=800,
+            prior_steps=400,
+            clone_updates=100,
         )
         agents = {
             algo: dataclasses.replace(getattr(base, algo), hidden=(32, 32), batch=32, freeze=(400.0,))

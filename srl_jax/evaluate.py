@@ -42,8 +42,8 @@ class Rollout(NamedTuple):
 def rollout_mjx(robot: Hexapod, damage: Damage, policy: Policy, keys: jax.Array, steps: int) -> Rollout:
     """Episodes in MJX, one for each key, as one compiled program.
 
-    The program is compiled once for a policy function, task and number of steps; a policy whose parameters change
-    shares it if it comes as ``jax.tree_util.Partial(function, parameters)``.
+    The program is compiled once for a policy function, task and number of steps; a policy whose parameters
+    change shares it if it comes as ``jax.tree_util.Partial(function, parameters)``.
 
     Args:
         robot: from `hexapod.make`.
@@ -204,8 +204,8 @@ def _substeps(model: mujoco.MjModel) -> int:
     exact = 1.0 / (CONTROL_HZ * model.opt.timestep)
     if round(exact) < 1 or abs(exact - round(exact)) > 1e-6:
         raise ValueError(
-            f"model.opt.timestep is {model.opt.timestep} s; accepted are whole fractions of the control period, "
-            f"{1.0 / CONTROL_HZ} s."
+            f"model.opt.timestep is {model.opt.timestep} s; accepted are whole fractions of the control "
+            f"period, {1.0 / CONTROL_HZ} s."
         )
     return round(exact)
 

@@ -11,11 +11,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from srl_jax import checkpoint, output, plan, report, sources, start
+from srl_jax import checkpoint, engine, output, plan, report, sources, start
 from srl_jax import lanes as lane_table
 from srl_jax.config import Config
 from srl_jax.env.hexapod import SUBSTEPS
-from srl_jax.train import STUDENT, TEACHER, TRAIN, LaneData, Mode, Tally, TrainState
+from srl_jax.state import STUDENT, TEACHER, TRAIN, LaneData, Mode, Tally, TrainState
 
 SLICE = 1_000  # environment steps between two looks at the clock, at signals and at the progress display
 
@@ -65,14 +65,18 @@ def run(
     layout = lane_table.lay_out(plans.lanes, devices)
     plan.check_memory(config, len(layout.rows))
     if not resume and directory.exists() and any(directory.iterdir()):
-        raise ValueError(f"out is {directory}: it is not empty; choose another, or resume it with --resume {directory}.")
+        raise ValueError(
+            f"out is {directory}: it is not empty; choose another, or resume it with --resume {directory}."
+        )
     sources.check(config)
     directory.mkdir(parents=True, exist_ok=True)
     with (directory / ".lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise ValueError(f"{directory} is in use by another run; wait for it or choose another directory.") from None
+            raise ValueError(
+                f"{directory} is in use by another run; wait for it or choose another directory."
+            ) from None
         output.write_config(directory, config, devices)
         output.write_lanes(directory, plans.lanes)
         teachers = sources.load(config, directory, devices, listener=listener, stopped=stopped)
@@ -90,16 +94,16 @@ class _Run:
         plans: plan.Plan,
         layout: lane_table.Layout,
         directory: Path,
-        teachers: tuple[start.Behaviour, ...],
+        teachers: tuple[sources.Behaviour, ...],
         listener: Listener,
         stopped: Callable[[], bool],
     ):
         self.config, self.plan, self.layout, self.directory = config, plans, layout, directory
         self.listener, self.stopped = listener, stopped
-        program = start.make_program(config, layout, teachers)
-        self.program, self.engine, self.network = program, start.Engine(program), teachers[0].network
-        self.lanes = start.lane_data(program, teachers, "train", self.damages(0))
-        self.evaluation_keys = start.stream_keys(program, "evaluate")
+        program = engine.make_program(config, layout, teachers)
+        self.program, self.engine, self.network = program, engine.Engine(program), teachers[0].network
+        self.lanes = engine.lane_data(program, teachers, "train", self.damages(0))
+        self.evaluation_keys = engine.stream_keys(program, "evaluate")
         self.seconds = 0.0  # spent training in this process
         self.trained = 0  # environment steps of a lane in this process
         self.latest: dict[str, dict[str, float]] = {}
@@ -128,18 +132,18 @@ class _Run:
         """The state to go on from: the newest checkpoint's, or step 0 with its reference measurements."""
         self.show("preparing", 0)
         state = start.init_state(self.engine, self.lanes)
-        tally = start.empty_tally(self.program)
+        tally = engine.empty_tally(self.program)
         found = checkpoint.restore(keeper, state, self.lanes, tally)
         if found is not None:
             state, self.lanes, tally = found
-            state = state._replace(clock=start.on_all(self.program, state.clock))
+            state = state._replace(clock=engine.on_all(self.program, state.clock))
             self.metrics = output.Metrics(self.directory, keep_until=int(state.clock))
             self.set_damage(int(state.clock))
             return state, tally
         self.metrics = output.Metrics(self.directory)
         self.show("compiling", 0)
-        healthy = start.with_damage(self.program, self.lanes, ["healthy"] * len(self.layout.rows))
-        prior = healthy._replace(key=start.stream_keys(self.program, "prior"))
+        healthy = engine.with_damage(self.program, self.lanes, ["healthy"] * len(self.layout.rows))
+        prior = healthy._replace(key=engine.stream_keys(self.program, "prior"))
         state, self.lanes = start.from_behaviour(self.engine, state, self.lanes, prior, self.network)
         self.show("evaluating pi_B", 0)
         state = self.measure(state, healthy._replace(prior=self.lanes.prior), TEACHER(), "healthy")
@@ -148,7 +152,7 @@ class _Run:
         return state, tally
 
     def set_damage(self, step: int) -> None:
-        self.lanes = start.with_damage(self.program, self.lanes, self.damages(step))
+        self.lanes = engine.with_damage(self.program, self.lanes, self.damages(step))
 
     def advance(self, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
         """Trains up to the next multiple of SLICE, evaluation or change of damage, whichever comes first."""
@@ -172,7 +176,7 @@ class _Run:
         self.metrics.write(self.rows(int(state.clock), "train", tally, state))
         state = self.measure(state, self.lanes, STUDENT(), "eval")
         self.show("training", int(state.clock))
-        return state, start.empty_tally(self.program)
+        return state, engine.empty_tally(self.program)
 
     def measure(self, state: TrainState, lanes: LaneData, mode: Mode, prefix: str) -> TrainState:
         """One episode of every robot from the fixed evaluation starts; leaves training's robots and clock alone."""
@@ -181,14 +185,14 @@ class _Run:
         state = state._replace(world=self.engine.new_world(lanes))
         state, tally = self.engine.chunk(state, lanes, mode, self.config.env.episode_steps)
         state = state._replace(
-            clock=start.on_all(self.program, clock), world=world, alive=start.on_rows(self.program, alive)
+            clock=engine.on_all(self.program, clock), world=world, alive=engine.on_rows(self.program, alive)
         )
         self.metrics.write(self.rows(int(clock), prefix, tally, state))
         return state
 
     def rows(self, step: int, prefix: str, tally: Tally, state: TrainState) -> list[output.Row]:
         """A tally as rows of metrics.csv; NaN for frozen lanes."""
-        values = start.means(self.program, jax.device_get(tally), training=prefix == "train")
+        values = engine.means(self.program, jax.device_get(tally), training=prefix == "train")
         alive = np.asarray(state.alive)
         rows: list[output.Row] = []
         for row, (lane, padding) in enumerate(zip(self.layout.rows, self.layout.padding, strict=True)):
@@ -220,7 +224,9 @@ class _Run:
                 "compile_seconds": round(self.engine.compile_seconds, 1),
                 "environment_steps_per_second": round(rate),
                 "physics_steps_per_second": round(rate * SUBSTEPS),
-                "updates_per_second": round(rate * self.config.train.updates / self.config.train.environments),
+                "updates_per_second": round(
+                    rate * self.config.train.updates / self.config.train.environments
+                ),
                 "peak_memory_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
             }
         }

@@ -70,7 +70,9 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
         stages.append((int(step), damages.canonical(name)))
     starts = [start for start, _ in stages]
     if starts[0] != 0 or starts != sorted(set(starts)) or starts[-1] >= config.steps:
-        raise ValueError(f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}.")
+        raise ValueError(
+            f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}."
+        )
     if any(start % every for start in starts):
         raise ValueError(f"damage_schedule starts at {starts}: use multiples of train.environments={every}.")
     return tuple(stages)
@@ -79,7 +81,11 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
 def check_numbers(config: Config) -> None:
     """Raises ValueError for numbers that do not fit each other."""
     train, env = config.train, config.env
-    positive = {"train.environments": train.environments, "steps": config.steps, "env.episode_steps": env.episode_steps}
+    positive = {
+        "train.environments": train.environments,
+        "steps": config.steps,
+        "env.episode_steps": env.episode_steps,
+    }
     positive |= {"train.evaluate_every": train.evaluate_every, "train.updates": train.updates}
     for name, value in positive.items():
         if value < 1:
@@ -95,10 +101,14 @@ def check_numbers(config: Config) -> None:
         if value < unit or value % unit:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
-        raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
+        raise ValueError(
+            f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}."
+        )
     low, high = env.goal_ring
     if not env.goal_radius < low <= high:
-        raise ValueError(f"env.goal_ring is {env.goal_ring}: it must rise and lie beyond env.goal_radius={env.goal_radius}.")
+        raise ValueError(
+            f"env.goal_ring is {env.goal_ring}: it must rise and lie beyond env.goal_radius={env.goal_radius}."
+        )
     for algo in parse_algos(config.algos):
         check_agent(algo, getattr(config, algo))
 
@@ -119,14 +129,26 @@ RANGES = {
 def check_agent(algo: str, config) -> None:
     """Raises ValueError for an agent's settings that make no sense."""
     if not config.hidden or min(config.hidden) < 1 or config.critics < 1 or config.batch < 1:
-        raise ValueError(f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}.")
+        raise ValueError(
+            f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
+        )
     if getattr(config, "draws", config.critics) % config.critics:
-        raise ValueError(f"{algo}.draws is {config.draws}: it must be a multiple of {algo}.critics={config.critics}.")
+        raise ValueError(
+            f"{algo}.draws is {config.draws}: it must be a multiple of {algo}.critics={config.critics}."
+        )
     for name, (low, high) in RANGES.items():
         for value in getattr(config, name, ()):
             if not low <= value <= high:
                 raise ValueError(f"{algo}.{name} is {value:g}: it must lie between {low:g} and {high:g}.")
-    for name in ("actor_lr", "critic_lr", "noise", "freeze", "guidance_weight", "prior_decay", "weight_decay"):
+    for name in (
+        "actor_lr",
+        "critic_lr",
+        "noise",
+        "freeze",
+        "guidance_weight",
+        "prior_decay",
+        "weight_decay",
+    ):
         if any(value < 0.0 for value in getattr(config, name, ())):
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must not be negative.")
 

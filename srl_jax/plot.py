@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,12 +141,35 @@ def _references(axes: Axes, run: RunData, metric: str, damage: str | None = None
     return lines
 
 
-def _large(axes: Axes, run: RunData, metric: str, looks: Looks) -> None:
+def save_panels(runs: Sequence[RunData], metric: str, path: str | Path) -> None:
+    """Draws one large panel per run, side by side, as in the paper's figure.
+
+    Args:
+        runs: from `report.read_metrics`, typically one per task.
+        metric: such as ``eval/return``.
+        path: the PNG to write.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    groups = dict.fromkeys(group for run in runs for group in run.groups)
+    looks = _looks(groups)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(5.2 * len(runs), 4.4), dpi=150, layout="constrained")
+        for axes, run in zip(figure.subplots(1, len(runs), squeeze=False)[0], runs, strict=True):
+            _large(axes, run, metric, looks, title=f"{run.task}: {LABELS[metric]}")
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=11)
+        figure.savefig(path, format="png")
+
+
+def _large(axes: Axes, run: RunData, metric: str, looks: Looks, title: str = "") -> None:
     _curves(axes, run, metric, looks)
     lines = _references(axes, run, metric)
     _scale(axes, metric)
-    axes.set_title(LABELS[metric], loc="left", fontsize=12, fontweight="bold", color="#222222")
+    axes.set_title(title or LABELS[metric], loc="left", fontsize=12, fontweight="bold", color="#222222")
     axes.set_xlabel("environment steps per lane, and robot time at 20 Hz")
+    axes.locator_params(axis="x", nbins=6)
     axes.xaxis.set_major_formatter(lambda x, _: f"{_thousands(x)}\n{_minutes(x)}")
     # Names stand in the right margin, off the data, and are pushed apart where the lines lie close.
     low, high = axes.get_ylim()

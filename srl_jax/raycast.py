@@ -1,6 +1,6 @@
-"""A picture of a MuJoCo state without OpenGL: boxes, spheres and capsules on a chequered floor, by casting rays.
+"""A picture of a MuJoCo state without OpenGL: boxes and capsules on a chequered floor, by ray casting.
 
-Each geom is tested only against the pixels about it, so a frame takes a tenth of a second or so.
+Each geom is tested only against the pixels about it, so a frame takes about a tenth of a second.
 """
 
 import mujoco
@@ -9,8 +9,8 @@ import numpy as np
 SAMPLES = 2  # rays per pixel in each direction
 SUN = np.array([-0.3, -0.4, 1.0]) / np.linalg.norm([0.3, 0.4, 1.0])  # towards the light
 TILE = 0.25  # m
-LIGHT, DARK = np.array([0.80, 0.81, 0.82]), np.array([0.72, 0.735, 0.75])
-HAZE = np.array([0.88, 0.90, 0.93])
+GREY, HAZE = np.float32([0.985, 1.0, 1.015]), np.float32([0.88, 0.90, 0.93])
+LIGHT, DARK = 0.81, 0.735  # brightness of the two kinds of tile
 SHADE = 0.62  # brightness of the floor in shadow
 AMBIENT, DIFFUSE = 0.55, 0.60
 
@@ -31,8 +31,8 @@ class Camera:
         self.focal = 0.5 * self.height / np.tan(0.5 * np.deg2rad(model.cam_fovy[camera]))
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (0.5 * self.height - np.arange(self.height) - 0.5) / self.focal
-        plane = np.stack([*np.meshgrid(x, y), np.full((self.height, self.width), -1.0)], axis=-1)
-        self.rays = plane @ self.frame.T  # f[H, W, 3], of unit depth: a ray's parameter is a depth
+        plane = np.stack([*np.meshgrid(x, y), np.full((self.height, self.width), -1.0)])
+        self.rays = _turn(self.frame, plane.astype(np.float32))  # [3, H, W], of unit depth: a parameter is a depth
 
     def window(self, centre: np.ndarray, radius: float) -> tuple[slice, slice]:
         """Rows and columns that the image of a sphere lies in; none where the sphere reaches the camera."""
@@ -49,7 +49,11 @@ class Camera:
 
 
 def picture(
-    model: mujoco.MjModel, data: mujoco.MjData, size: tuple[int, int], goal: Goal | None = None, camera: str = "track"
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    size: tuple[int, int],
+    goal: Goal | None = None,
+    camera: str = "track",
 ) -> np.ndarray:
     """The state as ``camera`` sees it: u8[height, width, 3].
 
@@ -65,14 +69,13 @@ def picture(
     depth, image = _floor(view, data.subtree_com[0], geoms, goal)
     for geom in geoms:
         rows, columns = view.window(geom[2], _radius(geom))
-        rays = view.rays[rows, columns]
-        distance, normal = _hit(geom, view.origin, rays)
+        distance, normal = _hit(geom, view.origin[:, None, None], view.rays[:, rows, columns])
         seen = distance < depth[rows, columns]
-        light = AMBIENT + DIFFUSE * np.maximum(normal[seen] @ SUN, 0.0)
+        light = AMBIENT + DIFFUSE * np.maximum(SUN @ normal[:, seen], 0.0)
         depth[rows, columns][seen] = distance[seen]
-        image[rows, columns][seen] = light[:, None] * geom[4]
-    image = image.reshape(size[1], SAMPLES, size[0], SAMPLES, 3).mean(axis=(1, 3))
-    return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
+        image[:, rows, columns][:, seen] = geom[4][:, None] * light
+    image = image.reshape(3, size[1], SAMPLES, size[0], SAMPLES).mean(axis=(2, 4))
+    return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8).transpose(1, 2, 0)
 
 
 def _geoms(model: mujoco.MjModel, data: mujoco.MjData, goal: Goal | None) -> list[Geom]:
@@ -90,26 +93,27 @@ def _geoms(model: mujoco.MjModel, data: mujoco.MjData, goal: Goal | None) -> lis
 
 
 def _floor(view: Camera, centre: np.ndarray, geoms: list[Geom], goal: Goal | None) -> tuple[np.ndarray, np.ndarray]:
-    """Depth f[H, W] and colour f[H, W, 3] of the floor and, above the horizon, of nothing."""
-    down = view.rays[..., 2]
-    depth = np.where(down < 0, view.origin[2] / np.minimum(down, -1e-9) * -1.0, np.inf)
-    near = np.minimum(depth, 1e3)
-    place = view.origin[:2] + near[..., None] * view.rays[..., :2]
-    odd = np.floor(place / TILE).astype(int).sum(-1) % 2 == 1
-    colour = np.where(odd[..., None], DARK, LIGHT)
-    if goal is not None:
-        inside = np.linalg.norm(place - goal[0], axis=-1) < goal[1]
-        colour[inside] = 0.55 * colour[inside] + 0.45 * np.array(goal[2])
-    shade = np.ones(depth.shape)
+    """Depth [H, W] and colour [3, H, W] of the floor; above the horizon haze, infinitely far."""
+    down = np.minimum(view.rays[2], -1e-9)
+    depth = np.where(down < -1e-6, -np.float32(view.origin[2]) / down, np.float32(np.inf))
+    near = np.minimum(depth, 100.0)
+    place = np.stack([np.float32(view.origin[i]) + near * view.rays[i] for i in range(2)] + [np.zeros_like(near)])
+    tile = np.floor(place[:2] / np.float32(TILE)).astype(np.int32)
+    bright = np.where((tile[0] + tile[1]) & 1, np.float32(DARK), np.float32(LIGHT))
+    shaded = np.zeros(near.shape, bool)
     for geom in geoms:
         # The shadow of a ball is an ellipse, longer than the ball is wide by the slant of the light.
-        at, radius = geom[2] - SUN * geom[2][2] / SUN[2], _radius(geom) / SUN[2]
-        rows, columns = view.window(at, radius)
-        points = np.concatenate([place[rows, columns], np.zeros((*place[rows, columns].shape[:2], 1))], axis=-1)
-        distance, _ = _hit(geom, points, np.broadcast_to(SUN, points.shape))
-        shade[rows, columns][np.isfinite(distance)] = SHADE
-    far = np.clip((np.linalg.norm(place - centre[:2], axis=-1) - 0.8) / 3.0, 0.0, 1.0)[..., None]
-    return depth, (1 - far) * colour * shade[..., None] + far * HAZE
+        rows, columns = view.window(geom[2] - SUN * geom[2][2] / SUN[2], _radius(geom) / SUN[2])
+        points = place[:, rows, columns]
+        distance, _ = _hit(geom, points, np.broadcast_to(np.float32(SUN)[:, None, None], points.shape))
+        shaded[rows, columns] |= np.isfinite(distance)
+    bright = np.where(shaded, SHADE * bright, bright)
+    far = np.clip((np.hypot(place[0] - centre[0], place[1] - centre[1]) - 0.8) / 3.0, 0.0, 1.0).astype(np.float32)
+    image = (1 - far) * bright * GREY[:, None, None] + far * HAZE[:, None, None]
+    if goal is not None:
+        inside = np.hypot(place[0] - goal[0][0], place[1] - goal[0][1]) < goal[1]
+        image[:, inside] = 0.55 * image[:, inside] + 0.45 * np.float32(goal[2])[:, None]
+    return depth, image
 
 
 def _radius(geom: Geom) -> float:
@@ -118,43 +122,46 @@ def _radius(geom: Geom) -> float:
     return float(np.linalg.norm(size) if kind == BOX else size[0] + size[1])
 
 
+def _turn(frame: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """``frame`` times each column of [3, ...]."""
+    return (frame.astype(np.float32) @ vectors.reshape(3, -1)).reshape(vectors.shape)
+
+
 def _hit(geom: Geom, origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter f[...] at which rays meet the geom (infinite where they miss) and its normal there, f[..., 3]."""
+    """Parameter [H, W] at which rays [3, H, W] meet the geom (infinite: never) and its normal there."""
     kind, size, centre, frame, _ = geom
-    start, along = (origin - centre) @ frame, rays @ frame
+    start = _turn(frame.T, (origin - centre[:, None, None]).astype(np.float32))
     hit = _hit_box if kind == BOX else _hit_capsule
-    distance, normal = hit(size, np.broadcast_to(start, along.shape), along)
-    return distance, normal @ frame.T
+    distance, normal = hit(size.astype(np.float32), start, _turn(frame.T, rays))
+    return distance, _turn(frame, normal)
 
 
 def _hit_box(size: np.ndarray, start: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    slope = np.where(np.abs(along) < 1e-9, 1e-9, along)
+    size, slope = size[:, None, None], np.where(np.abs(along) < 1e-9, np.float32(1e-9), along)
     one, other = (-size - start) / slope, (size - start) / slope
-    enter, leave = np.minimum(one, other), np.maximum(one, other).min(-1)
-    axis = enter.argmax(-1)
-    near = enter.max(-1)
-    normal = -np.sign(along) * (np.arange(3) == axis[..., None])
-    return np.where((near < leave) & (near > 0), near, np.inf), normal
+    enter, leave = np.minimum(one, other), np.maximum(one, other).min(0)
+    near = enter.max(0)
+    normal = -np.sign(along) * (enter == near)
+    return np.where((near < leave) & (near > 0), near, np.float32(np.inf)), normal
 
 
 def _hit_capsule(size: np.ndarray, start: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A cylinder of radius size[0] and half length size[1] along z with round ends; a sphere where that is 0."""
+    """A cylinder of radius size[0] and half length size[1] along z, with round ends; it may be a sphere."""
     radius, half = size[0], size[1]
-    near = _hit_round(start[..., :2], along[..., :2], radius)
-    height = np.where(np.isfinite(near), start[..., 2] + np.where(np.isfinite(near), near, 0.0) * along[..., 2], 0.0)
-    end = np.clip(height, -half, half)
-    cap = np.stack([np.zeros_like(end), np.zeros_like(end), np.where(height < 0, -half, half)], axis=-1)
-    near = np.where(np.abs(height) < half, near, _hit_round(start - cap, along, radius))
-    finite = np.where(np.isfinite(near), near, 0.0)[..., None]
-    point = start + finite * along
-    point[..., 2] -= np.clip(point[..., 2], -half, half)
-    return near, point / radius
+    side = _hit_round(start[:2], along[:2], radius)
+    height = start[2] + np.where(np.isfinite(side), side, 0.0) * along[2]
+    ends = np.stack(np.broadcast_arrays(start[0], start[1], start[2] - np.where(height < 0, -half, half)))
+    near = np.where(np.abs(height) < half, side, _hit_round(ends, along, radius))
+    near = np.where(np.isfinite(side), near, np.float32(np.inf))
+    point = start + np.where(np.isfinite(near), near, 0.0) * along
+    point[2] -= np.clip(point[2], -half, half)
+    return near, (point / radius).astype(np.float32)
 
 
 def _hit_round(start: np.ndarray, along: np.ndarray, radius: float) -> np.ndarray:
-    """Where rays f[..., D] enter the circle or ball of that radius about 0: f[...], infinite where they miss."""
-    a = np.maximum(np.sum(along * along, -1), 1e-12)
-    b, c = np.sum(start * along, -1), np.sum(start * start, -1) - radius**2
+    """Where rays [D, H, W] enter the circle or ball of that radius about 0: [H, W], infinite: never."""
+    a = np.maximum((along * along).sum(0), np.float32(1e-12))
+    b, c = (start * along).sum(0), (start * start).sum(0) - radius**2
     inside = b * b - a * c
     near = (-b - np.sqrt(np.maximum(inside, 0.0))) / a
-    return np.where((inside > 0) & (near > 0), near, np.inf)
+    return np.where((inside > 0) & (near > 0), near, np.float32(np.inf))

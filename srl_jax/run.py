@@ -37,7 +37,10 @@ def main(argv: list[str] | None = None) -> None:
         print(f"srl_jax: {error}", file=sys.stderr)
         sys.exit(EXIT_USAGE)
     except OSError as error:
-        print(f"srl_jax: {error.strerror or error}: {error.filename or 'while writing results'}.", file=sys.stderr)
+        print(
+            f"srl_jax: {error.strerror or error}: {error.filename or 'while writing results'}.",
+            file=sys.stderr,
+        )
         sys.exit(EXIT_USAGE)
 
 
@@ -45,7 +48,9 @@ def _main(argv: list[str]) -> int:
     arguments = parse(argv)
     config = Config(**{field.name: getattr(arguments, field.name) for field in dataclasses.fields(Config)})
     devices = use_devices(config.devices)
-    directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
+    directory = Path(
+        arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}"
+    )
 
     from srl_jax import loop  # jax is imported here, after the devices are known
 
@@ -56,7 +61,12 @@ def _main(argv: list[str]) -> int:
     stop = StopSignals()
     with Display(directory) as display:
         summary = loop.run(
-            config, directory, devices, resume=bool(arguments.resume), listener=display.update, stopped=stop.requested
+            config,
+            directory,
+            devices,
+            resume=bool(arguments.resume),
+            listener=display.update,
+            stopped=stop.requested,
         )
     if summary is None:
         print(f"Stopped and saved. Go on with: python -m srl_jax.run --resume {directory}")
@@ -85,7 +95,9 @@ def parse(argv: list[str]) -> Arguments:
         changed = differences(values, {key: getattr(arguments, key) for key in values})
         if changed or arguments.out:
             fields = ", ".join(changed) or "out"
-            raise ValueError(f"resume {resume}: {fields} differ from the run's own; leave them out, or start a new run.")
+            raise ValueError(
+                f"resume {resume}: {fields} differ from the run's own; leave them out, or start a new run."
+            )
     return arguments
 
 

@@ -1,7 +1,8 @@
 """Videos of rollouts: by MuJoCo's renderer where OpenGL works, otherwise by a small ray caster in NumPy.
 
-OpenGL needs a driver (EGL or OSMesa) that a bare machine lacks, and asking for a missing one can break MuJoCo's
-import or kill the process, so each is first tried in a process of its own. Every run so leaves its videos.
+OpenGL needs a driver (EGL or OSMesa) that a bare machine lacks, and asking for a missing one can break
+MuJoCo's import or kill the process, so each is first tried in a process of its own. Thus every run leaves
+its videos.
 """
 
 import importlib
@@ -133,9 +134,12 @@ def save_video(path: str | Path, frames: Iterable[np.ndarray], fps: float = CONT
     writer.close()
 
 
-def still(damage_name: str, *, painter: Painter = "auto", size: tuple[int, int] = SIZE) -> np.ndarray:
-    """The robot standing in its stance with a damage: u8[height, width, 3]; arguments and errors as `render`."""
+def still(
+    damage_name: str, *, painter: Painter = "auto", size: tuple[int, int] = SIZE, zoom: float = 1.0
+) -> np.ndarray:
+    """The damaged robot in its stance, ``zoom`` times as large: u8[height, width, 3]; else as `render`."""
     model = visible_model(damage_name)
+    model.cam_fovy[:] /= zoom
     return next(paint(model, stance(model)[None], None, painter=painter, size=size))
 
 
@@ -175,7 +179,9 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[i
     gl: Any = importlib.import_module(f"mujoco.{backend()}")
     width, height = size
     model.vis.global_.offwidth, model.vis.global_.offheight = size
-    model.vis.quality.shadowsize = 2048  # the default costs as much as the rest where OpenGL is software
+    # A shadow map costs as much as the rest where OpenGL is software: only large pictures get a fine one.
+    model.vis.quality.shadowsize = 2048 if width <= SIZE[0] else 8192
+    model.vis.map.shadowclip = 1.8  # a narrower light speckles the floor at its border
     model.mat_reflectance[:] = 0.0
     context = gl.GLContext(width, height)
     context.make_current()
@@ -187,7 +193,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[i
         camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera("track").id
         for pose in poses:
             data.qpos[:] = pose
-            model.light_pos[0] = [*pose[:2], 0.0] - 2.0 * model.light_dir[0]  # shadows are cast near the light's axis
+            model.light_pos[0] = [*pose[:2], 0.0] - model.light_dir[0]  # shadows are cast only about the light's axis
             mujoco.mj_forward(model, data)
             mujoco.mjv_updateScene(model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
             if marker is not None:
@@ -203,7 +209,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[i
 
 def _add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
     shapes = (
-        (mujoco.mjtGeom.mjGEOM_CYLINDER, (marker.radius, 0.001, 0.0), 0.001, 0.45),
+        (mujoco.mjtGeom.mjGEOM_CYLINDER, (marker.radius, 0.001, 0.0), 0.001, 0.35),
         (mujoco.mjtGeom.mjGEOM_CAPSULE, (0.006, 0.09, 0.0), 0.09, 1.0),
         (mujoco.mjtGeom.mjGEOM_SPHERE, (0.02, 0.0, 0.0), 0.2, 1.0),
     )

@@ -3,17 +3,58 @@
 Some tests run `python -m srl_jax.run` in a subprocess, which inherits the variables but not `jax.config`.
 """
 
+import dataclasses
 import os
 
 import pytest
 
+DEVICES = 2  # as on the smallest machine this runs on, so that laying lanes over devices is always tested
+
 
 def pytest_configure(config: pytest.Config) -> None:
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    os.environ.setdefault("NPROC", "4")  # XLA's thread pool must be larger than the number of devices
     # Physics takes 10-30 s to compile, so compiled programs are kept; `--cache-clear` drops them.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax")))
 
     import jax
 
+    jax.config.update("jax_num_cpu_devices", DEVICES)
     # An axis added by broadcasting is the usual way for one lane to leak into another.
     jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    """A configuration as small as it can be with every part of SRL switched on: 2 seeds of DDPG and SRL, one lost leg."""
+    from srl_jax.config import TrainConfig, preset
+
+    base = preset("smoke")
+    small = {"hidden": (16, 16), "batch": 8, "critics": 2, "freeze": (24.0,)}
+    return dataclasses.replace(
+        base,
+        train=TrainConfig(
+            environments=2,
+            capacity=64,
+            warmup=16,
+            evaluate_every=40,
+            checkpoint_every=40,
+            prior_steps=32,
+            clone_updates=20,
+            physics_block=0,
+            update_block=0,
+        ),
+        env=dataclasses.replace(base.env, episode_steps=10),
+        ddpg=dataclasses.replace(base.ddpg, **small),
+        srl=dataclasses.replace(base.srl, **small, draws=4, prior_fraction=(0.25,), behaviour_target=True),
+    )
+
+
+@pytest.fixture(scope="session")
+def engine(tiny):
+    """The tiny configuration's program, compiled once for all tests that use it."""
+    from srl_jax import engine as engines
+    from srl_jax import lanes, plan, sources
+
+    layout = lanes.lay_out(plan.make(tiny).lanes, DEVICES)
+    return engines.Engine(engines.make_program(tiny, layout, (sources.scripted_gait(),)))

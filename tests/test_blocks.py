@@ -18,7 +18,11 @@ def test_block_size_is_the_largest_divisor_within_reach(count):
 
 @pytest.mark.parametrize("wanted", [0, 1, 2, 4, 6, 12, 50])
 def test_blocked_map_equals_the_function_of_all_rows(wanted):
-    rows = {"x": jnp.arange(24.0).reshape(12, 2), "n": jnp.arange(12), "key": jax.random.split(jax.random.key(0), 12)}
+    rows = {
+        "x": jnp.arange(24.0).reshape(12, 2),
+        "n": jnp.arange(12),
+        "key": jax.random.split(jax.random.key(0), 12),
+    }
     seen = []
 
     def batched(rows):

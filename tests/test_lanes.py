@@ -44,7 +44,11 @@ def test_swept_values_add_lanes():
 def test_sweeping_one_algorithm_leaves_the_others_alone():
     config = dataclasses.replace(Config(), ddpg=DDPGConfig(tau=(0.1, 0.2)))
     rows = table(config, seeds=(0,), damages=("leg_rm",))
-    assert [(lane.algo, lane.label) for lane in rows] == [("ddpg", "tau=0.1"), ("ddpg", "tau=0.2"), ("srl", "")]
+    assert [(lane.algo, lane.label) for lane in rows] == [
+        ("ddpg", "tau=0.1"),
+        ("ddpg", "tau=0.2"),
+        ("srl", ""),
+    ]
 
 
 @pytest.mark.parametrize("devices", [1, 2, 3, 5, 20])

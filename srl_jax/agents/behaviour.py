@@ -21,7 +21,13 @@ def policy(params: Params, observation: jax.Array, *, config: DDPGConfig) -> jax
 
 
 def clone(
-    teacher: Teacher, observations: jax.Array, key: jax.Array, *, config: DDPGConfig, updates: int, action_size: int
+    teacher: Teacher,
+    observations: jax.Array,
+    key: jax.Array,
+    *,
+    config: DDPGConfig,
+    updates: int,
+    action_size: int,
 ) -> tuple[Params, jax.Array]:
     """An actor that imitates the teacher where the teacher has been.
 

@@ -53,7 +53,12 @@ def student(actor: Params, observation: jax.Array, *, config: DDPGConfig) -> jax
 
 
 def init(
-    key: jax.Array, observation_size: int, action_size: int, *, config: DDPGConfig, actor: Params | None = None
+    key: jax.Array,
+    observation_size: int,
+    action_size: int,
+    *,
+    config: DDPGConfig,
+    actor: Params | None = None,
 ) -> AgentState:
     """Fresh networks; the actor may be given (the start from pi_B)."""
     actor_key, critic_key = jax.random.split(key)
@@ -61,7 +66,9 @@ def init(
     if actor is None:
         actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, observation)
     member = Critic(config.hidden, config.layer_norm)
-    critic = jax.vmap(lambda k: member.init(k, observation, action))(jax.random.split(critic_key, config.critics))
+    critic = jax.vmap(lambda k: member.init(k, observation, action))(
+        jax.random.split(critic_key, config.critics)
+    )
     return AgentState(
         actor=actor,
         critic=critic,
@@ -126,12 +133,18 @@ def td_target(
     state: AgentState, batch: Transition, next_action: jax.Array, *, config: DDPGConfig, hyper: Hyper
 ) -> jax.Array:
     """``r + gamma * discount * mean_k Q'_k(s', a')`` for a batch: f32[B]."""
-    next_q = jnp.mean(ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0)
+    next_q = jnp.mean(
+        ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0
+    )
     return batch.reward + hyper.gamma * batch.discount * next_q
 
 
 def critic_step(
-    state: AgentState, loss: Callable[[Params], tuple[jax.Array, Metrics]], *, config: DDPGConfig, hyper: Hyper
+    state: AgentState,
+    loss: Callable[[Params], tuple[jax.Array, Metrics]],
+    *,
+    config: DDPGConfig,
+    hyper: Hyper,
 ) -> tuple[AgentState, Metrics]:
     """One descent step of the critic ensemble on ``loss(params) -> (f32[], metrics)``."""
     gradient, metrics = jax.grad(loss, has_aux=True)(state.critic)

@@ -28,9 +28,13 @@ def posterior_masks(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposal
     return dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
 
-def proposals(actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
+def proposals(
+    actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig
+) -> jax.Array:
     """``[pi_theta(s), pi_B1(s), ...]``, noise-free: f32[N + 1, A]."""
-    return jnp.stack([student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)])
+    return jnp.stack(
+        [student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)]
+    )
 
 
 def act(
@@ -192,7 +196,9 @@ def update(
         if not guided:
             return -q, {"q": q, "p_guid": jnp.zeros(())}
         advice = jnp.stack([jax.vmap(teacher)(batch.observation) for teacher in teachers], axis=1)
-        p_guid = guidance(critic, batch, jax.lax.stop_gradient(action), advice, guidance_key, config=config, hyper=hyper)
+        p_guid = guidance(
+            critic, batch, jax.lax.stop_gradient(action), advice, guidance_key, config=config, hyper=hyper
+        )
         distance = jnp.sum(jnp.square(action[:, None] - advice), axis=-1)
         pull = hyper.guidance_weight * jnp.mean(p_guid * distance)
         return pull - q, {"q": q, "p_guid": jnp.mean(p_guid)}

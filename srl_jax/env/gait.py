@@ -1,4 +1,4 @@
-"""pi_B, scripted: a parametric tripod gait that steers, as a function of the observation (the clock is observed)."""
+"""pi_B, scripted: a tripod gait that steers, as a function of the observation (which has its clock)."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ TRIPOD = np.array([0.0, 0.5, 0.0, 0.5, 0.0, 0.5], np.float32)  # {rf, rr, lm} an
 
 
 class Gait(NamedTuple):
-    """Parameters of the tripod; amplitudes and offsets in units of action, where 1 is the joint's full excursion."""
+    """Parameters of the tripod; amplitudes and offsets are actions, where 1 is a joint's full excursion."""
 
     frequency: jax.Array  # f32[] Hz of the clock
     stride: jax.Array  # f32[] coxa amplitude of a leg that steps across its own direction
@@ -38,9 +38,9 @@ def load(path: Path = DATA) -> Gait:
 def act(gait: Gait, observation: jax.Array) -> jax.Array:
     """The gait's action f32[18] at an observation, of which it reads clock (0:2) and direction (2:4).
 
-    Every foot steps in the goal's direction, whichever way the body faces: across its leg by the coxa, along it by femur
-    and tibia. So the robot walks sideways and backwards too, and turns towards the goal meanwhile. Unlike turning by
-    the angle to the goal, this is continuous, also where the goal is straight behind.
+    Every foot steps in the goal's direction, whichever way the body faces: across its leg by the coxa, along
+    it by femur and tibia. So the robot walks sideways and backwards too, and turns to the goal meanwhile.
+    Unlike turning by the angle to the goal, this is continuous, also where the goal is straight behind.
     """
     clock = jnp.arctan2(observation[0], observation[1])
     ahead, left = observation[2], observation[3]

@@ -61,7 +61,12 @@ def ends_on_success(task: str, config: EnvConfig) -> bool:
 
 
 def reward_terms(
-    config: EnvConfig, progress: jax.Array, action: jax.Array, success: jax.Array, fell: jax.Array, goal_task: bool
+    config: EnvConfig,
+    progress: jax.Array,
+    action: jax.Array,
+    success: jax.Array,
+    fell: jax.Array,
+    goal_task: bool,
 ) -> RewardTerms:
     """The parts of one step's reward.
 

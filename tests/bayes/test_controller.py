@@ -31,7 +31,9 @@ def key_proposing(draws: jax.Array, wanted: int) -> jax.Array:
     """A key under which Thompson's sample prefers `wanted`."""
     for seed in range(200):
         key = jax.random.key(seed)
-        followed, acting = select(state(wanted), draws, key, hyper=Commitment(jnp.float32(2.0), jnp.float32(1.0)))
+        followed, acting = select(
+            state(wanted), draws, key, hyper=Commitment(jnp.float32(2.0), jnp.float32(1.0))
+        )
         if followed.refused == 0 and acting == wanted:
             return key
     raise AssertionError("no key found")
@@ -62,7 +64,7 @@ def test_threshold_decays_with_every_refusal(refused):
     draws, key = posterior(4), key_proposing(posterior(4), 1)
     hyper = Commitment(jnp.float32(0.6), jnp.float32(0.98))
     after, _ = select(state(0, refused), draws, key, hyper=hyper)
-    assert after.choice == int(0.4 > 0.6 * 0.98**refused)
+    assert after.choice == int(0.6 * 0.98**refused < 0.4)
     assert after.refused == (0 if after.choice else refused + 1)
 
 
@@ -104,7 +106,9 @@ def test_estimators_may_disagree_and_are_both_used():
 
 def test_no_commitment_without_threshold():
     draws = posterior(3)
-    _, acting = select(state(0), draws, key_proposing(draws, 1), hyper=Commitment(jnp.float32(0.0), HYPER.psi))
+    _, acting = select(
+        state(0), draws, key_proposing(draws, 1), hyper=Commitment(jnp.float32(0.0), HYPER.psi)
+    )
     assert acting == 1
 
 
@@ -122,7 +126,9 @@ def test_equal_policies_never_make_nan_or_a_switch(estimator):
 def test_vmap_equals_one_by_one(static, estimator):
     rng = np.random.default_rng(0)
     lanes = 16
-    states = GuidanceState(jnp.asarray(rng.integers(3, size=lanes), jnp.int32), jnp.arange(lanes, dtype=jnp.int32))
+    states = GuidanceState(
+        jnp.asarray(rng.integers(3, size=lanes), jnp.int32), jnp.arange(lanes, dtype=jnp.int32)
+    )
     draws = jnp.asarray(rng.normal(size=(lanes, 12, 3)), jnp.float32)
     keys = jax.random.split(KEY, lanes)
     hyper = Commitment(jnp.linspace(0.1, 0.9, lanes), jnp.full(lanes, 0.99))

@@ -1,0 +1,84 @@
+"""The learning half of the compiled program: mini-batches for every row, and every algorithm's update on its rows."""
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax import replay as replays
+from srl_jax.agents.ddpg import AgentState
+from srl_jax.agents.hyper import Hyper
+from srl_jax.blocks import blocked_map
+from srl_jax.state import LaneData, Program, Tally, TrainState, agent_module, bind_teachers
+
+
+def learn_rows(
+    program: Program, lanes: LaneData, state: TrainState, tally: Tally, keys: jax.Array
+) -> tuple[TrainState, Tally]:
+    """`config.train.updates` mini-batch updates of every lane's agent."""
+
+    def once(i, carry):
+        state, tally = carry
+        update_keys = jax.vmap(lambda k: jax.random.split(jax.random.fold_in(k, i), 3))(keys)
+        batches = sample_rows(program, state, update_keys[:, 0])
+        agents, losses, ok = dict(state.agents), dict(tally.losses), []
+        for algo, rows in program.layout.slices().items():
+            agents[algo], metrics, finite = learn_algo(
+                program, algo, lanes, state, batches[rows], update_keys[rows, 1:]
+            )
+            losses[algo] = {k: losses[algo][k] + jnp.where(finite, metrics[k], 0.0) for k in losses[algo]}
+            ok.append(finite)
+        state = state._replace(agents=agents, alive=state.alive & jnp.concatenate(ok))
+        return state, tally._replace(losses=losses, updates=tally.updates + 1.0)
+
+    return jax.lax.fori_loop(0, program.config.train.updates, once, (state, tally))
+
+
+def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Array:
+    """Packed mini-batches f32[R, B, W] of all rows by one gather; B is the largest batch of any algorithm."""
+    size = max(program.agent_config(algo).batch for algo, _ in program.layout.counts)
+    filled = jnp.minimum(state.clock, state.replay.rows.shape[1])
+    index = jax.vmap(lambda k: jax.random.randint(k, (size,), 0, filled))(keys)
+    return jax.vmap(lambda rows, i: rows[i])(state.replay.rows, index)
+
+
+def learn_algo(
+    program: Program, algo: str, lanes: LaneData, state: TrainState, batches: jax.Array, keys: jax.Array
+) -> tuple[AgentState, dict[str, jax.Array], jax.Array]:
+    """One update of one algorithm's lanes, in cache-sized blocks; also which of them stayed finite, bool[n]."""
+    config, rows = program.agent_config(algo), program.layout.slices()[algo]
+    observation_size = state.world.observation.shape[-1]
+    step = state.clock.astype(jnp.float32)
+
+    def lane(args):
+        agent, batch, key, hyper, teacher_params, alive = args
+        new, metrics = agent_module(config).update(
+            agent,
+            replays.unpack(batch[: config.batch], observation_size),
+            key,
+            config=config,
+            hyper=hyper,
+            step=step,
+            teachers=bind_teachers(program, teacher_params),
+        )
+        sums = [jnp.sum(leaf) for leaf in jax.tree.leaves((new.actor, new.critic, metrics))]
+        finite = alive & jnp.isfinite(jnp.stack(sums)).all()
+        return jax.tree.map(lambda n, o: jnp.where(finite, n, o), new, agent), metrics, finite
+
+    if algo in lanes.prior:
+        batches = mix_prior(batches, lanes.prior[algo], keys[:, 1], lanes.hyper[algo], step)
+    teacher_params = jax.tree.map(lambda x: x[rows], lanes.teachers)
+    args = (state.agents[algo], batches, keys[:, 0], lanes.hyper[algo], teacher_params, state.alive[rows])
+    return blocked_map(jax.vmap(lane), args, 0 if program.wide else program.config.train.update_block)
+
+
+def mix_prior(
+    batches: jax.Array, prior: jax.Array, keys: jax.Array, hyper: Hyper, step: jax.Array
+) -> jax.Array:
+    """Replaces a decaying fraction of each mini-batch by healthy transitions (Sec. "prior replays")."""
+
+    def lane(batch: jax.Array, healthy: jax.Array, key: jax.Array, hyper_: Hyper) -> jax.Array:
+        index_key, pick_key = jax.random.split(key)
+        fraction = hyper_.prior_fraction * jnp.maximum(1.0 - step / hyper_.prior_decay, 0.0)
+        rows = healthy[jax.random.randint(index_key, (len(batch),), 0, len(healthy))]
+        return jnp.where(jax.random.uniform(pick_key, (len(batch), 1)) < fraction, rows, batch)
+
+    return jax.vmap(lane)(batches, prior, keys, hyper)

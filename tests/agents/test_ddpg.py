@@ -1,0 +1,247 @@
+"""DDPG's pieces against NumPy, its clocks, and its lanes."""
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+from srl_jax.agents import ddpg
+from srl_jax.agents.hyper import from_config
+from srl_jax.bayes import controller
+from srl_jax.config import DDPGConfig
+from srl_jax.types import ActState, Transition
+
+OBSERVATION, ACTION, BATCH = 4, 2, 6
+CONFIG = DDPGConfig(
+    hidden=(8, 8), critics=2, batch=BATCH, freeze=(100.0,), actor_lr=(1e-2,), critic_lr=(1e-2,)
+)
+HYPER = from_config(CONFIG)
+update = jax.jit(ddpg.update, static_argnames=("config", "teachers"))
+act = jax.jit(ddpg.act, static_argnames=("config", "teachers"))
+init = jax.jit(lambda key: ddpg.init(key, OBSERVATION, ACTION, config=CONFIG))
+KEY, LATE = jax.random.key(0), jnp.float32(1e6)
+
+
+def batch_of(seed: int = 0, **changed) -> Transition:
+    rng = np.random.default_rng(seed)
+    draw = lambda *shape: rng.normal(size=(BATCH, *shape)).astype("f")  # noqa: E731
+    return Transition(
+        observation=draw(OBSERVATION),
+        action=np.clip(draw(ACTION), -1, 1),
+        reward=draw(),
+        discount=np.array([1, 1, 0, 1, 0, 1], "f"),
+        next_observation=draw(OBSERVATION),
+        chosen=np.zeros(BATCH, "f"),
+    )._replace(**changed)
+
+
+def start(seed: int = 0) -> ddpg.AgentState:
+    """An agent whose targets differ from its online networks."""
+    other = init(jax.random.key(seed + 100))
+    return init(jax.random.key(seed))._replace(target_actor=other.actor, target_critic=other.critic)
+
+
+def idle() -> ActState:
+    return ActState(jnp.zeros(ACTION), controller.init())
+
+
+def member(params, k: int):
+    return jax.tree.map(lambda leaf: leaf[k], params)
+
+
+def loop_q(params, observation, action) -> np.ndarray:
+    critic = ddpg.critic_fn(CONFIG)
+    return np.array(
+        [
+            [critic(member(params, k), s, a) for s, a in zip(observation, action, strict=True)]
+            for k in range(2)
+        ]
+    )
+
+
+def run(state, batch, hyper=HYPER, step=LATE):
+    return update(state, batch, KEY, config=CONFIG, hyper=hyper, step=step)
+
+
+def moved(before, after) -> bool:
+    return any(np.any(a != b) for a, b in zip(jax.tree.leaves(before), jax.tree.leaves(after), strict=True))
+
+
+def test_targets_start_at_the_networks_and_members_differ():
+    state = init(KEY)
+    chex.assert_trees_all_equal(state.target_actor, state.actor)
+    chex.assert_trees_all_equal(state.target_critic, state.critic)
+    assert moved(member(state.critic, 0), member(state.critic, 1))
+    assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(state.critic))
+
+
+def test_a_given_actor_is_the_start():
+    actor = init(jax.random.key(7)).actor
+    state = ddpg.init(KEY, OBSERVATION, ACTION, config=CONFIG, actor=actor)
+    chex.assert_trees_all_equal(state.actor, actor)
+    chex.assert_trees_all_equal(state.target_actor, actor)
+
+
+def test_td_target_equals_numpy_and_stops_at_termination_only():
+    state, batch = start(), batch_of()
+    next_action = np.tanh(batch.next_observation[:, :ACTION])
+    target = jax.jit(ddpg.td_target, static_argnames="config")(
+        state, batch, next_action, config=CONFIG, hyper=HYPER
+    )
+    next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
+    np.testing.assert_allclose(target, batch.reward + 0.97 * batch.discount * next_q, rtol=1e-5, atol=1e-6)
+    ends = batch.discount == 0
+    np.testing.assert_array_equal(target[ends], batch.reward[ends])
+    assert np.all(target[~ends] != batch.reward[~ends]), "a time-out has discount 1 and bootstraps"
+
+
+def test_update_equals_a_reference_with_optax():
+    state, batch = start(), batch_of()
+    (after, metrics), (gamma, tau) = run(state, batch), (0.97, 0.01)
+    next_action = ddpg.student(state.target_actor, batch.next_observation, config=CONFIG)
+    next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
+    target = jnp.asarray(batch.reward + gamma * batch.discount * next_q)
+    critic, adam = jax.vmap(ddpg.critic_fn(CONFIG), (None, 0, 0)), optax.adam(1e-2)
+
+    @jax.jit
+    def fit(params):
+        loss = lambda p: jnp.mean((critic(p, batch.observation, batch.action) - target) ** 2)  # noqa: E731
+        value, gradient = jax.value_and_grad(loss)(params)
+        return value, optax.apply_updates(params, adam.update(gradient, adam.init(params))[0])
+
+    losses, members = zip(*(fit(member(state.critic, k)) for k in range(2)), strict=True)
+    for k in range(2):
+        chex.assert_trees_all_close(member(after.critic, k), members[k], atol=1e-5)
+    assert metrics["critic_loss"] == pytest.approx(float(sum(losses)) / 2, rel=1e-5)
+
+    @jax.jit
+    def climb(params):
+        def loss(p):
+            action = ddpg.student(p, batch.observation, config=CONFIG)
+            return -sum(critic(m, batch.observation, action).mean() for m in members) / 2
+
+        value, gradient = jax.value_and_grad(loss)(params)
+        return value, optax.apply_updates(params, adam.update(gradient, adam.init(params))[0])
+
+    value, actor = climb(state.actor)
+    chex.assert_trees_all_close(after.actor, actor, atol=1e-4)
+    assert metrics["q"] == pytest.approx(-float(value), abs=1e-5)
+    expected = jax.tree.map(lambda new, old: (1 - tau) * old + tau * new, after.critic, state.target_critic)
+    chex.assert_trees_all_close(after.target_critic, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.3, 1.0])
+def test_soft_update(tau):
+    state = start()
+    after = ddpg.track(state, hyper=HYPER._replace(tau=jnp.float32(tau)))
+    for name in ("actor", "critic"):
+        online, old = getattr(state, name), getattr(state, f"target_{name}")
+        expected = jax.tree.map(lambda o, t: (1 - tau) * t + tau * o, online, old)
+        chex.assert_trees_all_close(getattr(after, f"target_{name}"), expected, atol=1e-6)
+        chex.assert_trees_all_equal(getattr(after, name), online)
+
+
+@pytest.mark.parametrize(("step", "learns"), [(0.0, False), (99.0, False), (100.0, True), (1e5, True)])
+def test_the_actor_is_frozen_at_first_while_the_critic_learns(step, learns):
+    state = start()
+    after, _ = run(state, batch_of(), step=jnp.float32(step))
+    assert moved(state.actor, after.actor) == learns
+    assert moved(state.critic, after.critic)
+
+
+def test_members_learn_apart_where_nothing_is_bootstrapped():
+    batch, state = batch_of(discount=np.zeros(BATCH, "f")), start()
+    other = state._replace(critic=jax.tree.map(lambda leaf: leaf.at[1].add(0.5), state.critic))
+    after, changed = run(state, batch)[0], run(other, batch)[0]
+    chex.assert_trees_all_close(member(after.critic, 0), member(changed.critic, 0), atol=1e-7)
+
+
+def test_critic_fits_a_batch():
+    state, batch = start(), batch_of(discount=np.zeros(BATCH, "f"))
+    losses = []
+    for _ in range(150):
+        state, metrics = run(state, batch)
+        losses.append(float(metrics["critic_loss"]))
+    assert losses[-1] < 0.05 * losses[0]
+
+
+def test_actor_climbs_its_critic():
+    state, batch = start(), batch_of()
+    frozen = HYPER._replace(critic_lr=jnp.float32(0.0))
+    before = run(state, batch, frozen)[1]["q"]
+    for _ in range(30):
+        state, metrics = run(state, batch, frozen)
+    assert metrics["q"] > before
+
+
+def test_noise_scale_follows_the_variance_schedule_to_its_floor():
+    hyper = from_config(CONFIG, noise=0.5, noise_decay=0.9999, noise_floor=0.1)
+    steps = np.array([0, 1, 1_000, 10_000, 32_000, 32_400, 1e6])
+    scale = [float(ddpg.noise_scale(hyper, jnp.float32(step))) for step in steps]
+    np.testing.assert_allclose(scale, np.maximum(np.sqrt(0.25 * 0.9999**steps), 0.1), rtol=1e-3)
+    assert ddpg.noise_scale(HYPER, LATE) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.85])
+def test_noise_has_its_variance_and_correlation(rho):
+    hyper, rows = from_config(CONFIG, noise=0.1, noise_correlation=rho), 20_000
+
+    @jax.jit
+    def walk(key):
+        def one(state, key):
+            action, state = ddpg.explore(jnp.zeros(ACTION), state, key, hyper=hyper, step=jnp.float32(0.0))
+            return state, action
+
+        return jax.lax.scan(one, idle(), jax.random.split(key, rows))[1]
+
+    noise = np.asarray(walk(KEY))[100:]
+    error = np.sqrt((1 + rho) / (1 - rho) / rows)  # of a mean of correlated values
+    np.testing.assert_allclose(noise.mean(0), 0.0, atol=0.4 * error)
+    np.testing.assert_allclose(noise.std(0), 0.1, rtol=4 * error)
+    correlation = [np.corrcoef(noise[1:, i], noise[:-1, i])[0, 1] for i in range(ACTION)]
+    np.testing.assert_allclose(correlation, rho, atol=4 * error)
+    assert abs(np.corrcoef(noise.T)[0, 1]) < 4 * error
+
+
+def test_acting_adds_noise_to_the_student_and_ignores_teachers():
+    state, observation = start(), jnp.ones(OBSERVATION)
+    quiet = HYPER._replace(noise=jnp.float32(0.0), noise_floor=jnp.float32(0.0))
+    student = ddpg.student(state.actor, observation, config=CONFIG)
+    keywords = dict(config=CONFIG, step=LATE)
+    action, after = act(state, idle(), observation, KEY, hyper=quiet, teachers=(jnp.sin,), **keywords)
+    np.testing.assert_allclose(action, student, atol=1e-6)
+    assert after.guidance.choice == 0
+    action, after = act(state, idle(), observation, KEY, hyper=HYPER, **keywords)
+    np.testing.assert_allclose(action, jnp.clip(student + 0.25 * after.noise, -1, 1), atol=1e-6)
+    loud, _ = act(state, idle(), observation, KEY, hyper=HYPER._replace(noise=jnp.float32(1e3)), **keywords)
+    assert np.all(np.abs(loud) == 1.0)
+
+
+@pytest.mark.parametrize(("name", "rule"), [("adam", optax.adam), ("rmsprop", optax.rmsprop)])
+def test_descent_equals_optax(name, rule):
+    params, direction = {"w": jnp.array([1.0, -2.0])}, ddpg.optimiser(name)
+    state, expected, reference = direction.init(params), params, rule(0.1).init(params)
+    for scale in (1.0, -0.5, 2.0):
+        gradient = {"w": jnp.array([scale, 3.0])}
+        step, state = direction.update(gradient, state)
+        params = ddpg.descend(params, step, jnp.float32(0.1))
+        step, reference = rule(0.1).update(gradient, reference)
+        expected = optax.apply_updates(expected, step)
+    chex.assert_trees_all_close(params, expected, rtol=1e-5)
+
+
+def test_lanes_with_their_own_rates_equal_separate_updates_and_do_not_see_each_other():
+    states = jax.tree.map(lambda *x: jnp.stack(x), *(start(s) for s in range(3)))
+    batches = jax.tree.map(lambda *x: jnp.stack(x), *(batch_of(s) for s in range(3)))
+    hypers = jax.tree.map(lambda x: jnp.tile(x, 3), HYPER)._replace(critic_lr=jnp.array([1e-2, 1e-3, 0.0]))
+    one = lambda s, b, h: ddpg.update(s, b, KEY, config=CONFIG, hyper=h, step=LATE)  # noqa: E731
+    lanes = jax.jit(jax.vmap(one))
+    wide, _ = lanes(states, batches, hypers)
+    for lane in range(3):
+        alone, _ = run(start(lane), batch_of(lane), member(hypers, lane))
+        chex.assert_trees_all_close(member(wide, lane), alone, atol=2e-5)
+    swapped = jax.tree.map(lambda x: x[jnp.array([0, 2, 1])], (states, batches, hypers))
+    other, _ = lanes(*swapped)
+    chex.assert_trees_all_equal(member(other, 0), member(wide, 0))

@@ -1,0 +1,390 @@
+"""SRL: without its parts it is DDPG; each part against NumPy or a critic whose opinion is known."""
+
+import dataclasses
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from srl_jax.agents import ddpg, srl
+from srl_jax.agents.hyper import from_config
+from srl_jax.bayes import controller, dropout
+from srl_jax.config import DDPGConfig, SRLConfig
+from srl_jax.types import ActState, Transition
+
+OBSERVATION, ACTION, BATCH = 4, 2, 6
+SHARED = dict(
+    hidden=(8, 8),
+    layer_norm=False,
+    critics=2,
+    batch=BATCH,
+    freeze=(0.0,),
+    actor_lr=(1e-2,),
+    critic_lr=(1e-2,),
+    init="random",
+    noise=(0.1,),
+)
+BASELINE = DDPGConfig(**SHARED)
+FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
+OFF = SRLConfig(**SHARED, select=False, guidance_weight=(0.0,), bootstrap=(1.0,), weight_decay=(0.0,))
+STATIC = ("config", "teachers")
+update = jax.jit(srl.update, static_argnames=STATIC)
+act = jax.jit(srl.act, static_argnames=STATIC)
+init = jax.jit(lambda key: srl.init(key, OBSERVATION, ACTION, config=FULL))
+critic_loss = jax.jit(srl.critic_loss, static_argnames="config")
+KEY, STEP = jax.random.key(0), jnp.float32(1e4)
+
+
+def high(observation: jax.Array) -> jax.Array:
+    """A teacher whose advice is a large sum of actions."""
+    return 0.8 + 0.0 * observation[:ACTION]
+
+
+def signed(observation: jax.Array) -> jax.Array:
+    """A teacher that is high in one half of the states and low in the other."""
+    return 0.8 * jnp.sign(observation[:1]) * jnp.ones(ACTION)
+
+
+def change(config: SRLConfig = FULL, **fields) -> SRLConfig:
+    return dataclasses.replace(config, **fields)
+
+
+def batch_of(seed: int = 0) -> Transition:
+    rng = np.random.default_rng(seed)
+    draw = lambda *shape: rng.normal(size=(BATCH, *shape)).astype("f")  # noqa: E731
+    discount = np.array([1, 1, 0, 1, 0, 1], "f")
+    action = np.clip(draw(ACTION), -1, 1)
+    return Transition(draw(OBSERVATION), action, draw(), discount, draw(OBSERVATION), np.zeros(BATCH, "f"))
+
+
+def start(seed: int = 0) -> ddpg.AgentState:
+    other = init(jax.random.key(seed + 100))
+    return init(jax.random.key(seed))._replace(target_actor=other.actor, target_critic=other.critic)
+
+
+def convinced(slope: float, seed: int = 0) -> ddpg.AgentState:
+    """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``, on one unit per layer and no dropout."""
+
+    def place(path, leaf):
+        name = jax.tree_util.keystr(path)
+        zero = jnp.zeros_like(leaf)
+        if "Torso_0" in name and "Dense_0" in name:
+            return zero.at[:, 0].set(4.0) if "bias" in name else zero.at[:, OBSERVATION:, 0].set(1.0)
+        if "Dense_1" in name:
+            return zero if "bias" in name else zero.at[:, 0, 0].set(1.0)
+        return zero if "bias" in name else zero.at[:, 0, 0].set(slope)
+
+    state = start(seed)
+    critic = jax.tree_util.tree_map_with_path(place, state.critic)
+    return state._replace(critic=critic, target_critic=critic)
+
+
+def idle(choice: int = 0) -> ActState:
+    guidance = controller.init()._replace(choice=jnp.int32(choice))
+    return ActState(jnp.zeros(ACTION), guidance)
+
+
+def run(state, batch, config, key=KEY, teachers=(), **overrides):
+    hyper = from_config(config, **overrides)
+    return update(state, batch, key, config=config, hyper=hyper, step=STEP, teachers=teachers)
+
+
+def decide(state, config, key=KEY, teachers=(high,), before=None, observation=None, **overrides):
+    observation = jnp.ones(OBSERVATION) if observation is None else observation
+    keywords = dict(config=config, hyper=from_config(config, **overrides), step=STEP, teachers=teachers)
+    return act(state, before or idle(), observation, key, **keywords)
+
+
+def own_action(state, observation=None):
+    return ddpg.student(
+        state.actor, jnp.ones(OBSERVATION) if observation is None else observation, config=FULL
+    )
+
+
+def loop_draws(params, observation, actions, masks, config=FULL) -> np.ndarray:
+    """Q for one state under every mask and member: f32[J * K, N]."""
+    critic, (members, draws) = jax.jit(ddpg.critic_fn(config)), masks[0].shape[:2]
+    rows = []
+    for j in range(draws):
+        for k in range(members):
+            one = jax.tree.map(lambda x, k=k: x[k], params)
+            mask = tuple(m[k, j] for m in masks)
+            rows.append([critic(one, observation, action, mask) for action in actions])
+    return np.array(rows)
+
+
+# Without its parts
+
+
+@pytest.mark.parametrize("teachers", [(), (high,)])
+def test_update_without_its_parts_is_ddpg(teachers):
+    mine, reference = start(), start()
+    baseline = jax.jit(ddpg.update, static_argnames=STATIC)
+    for seed in range(3):
+        mine, metrics = run(mine, batch_of(seed), OFF, jax.random.key(seed), teachers)
+        reference, expected = baseline(
+            reference, batch_of(seed), KEY, config=BASELINE, hyper=from_config(BASELINE), step=STEP
+        )
+        for name in expected:
+            assert metrics[name] == pytest.approx(float(expected[name]), rel=1e-5)
+    assert metrics["p_guid"] == 0.0
+    chex.assert_trees_all_close(mine, reference, atol=1e-6)
+
+
+def test_acting_without_selection_is_ddpg():
+    noise_key = jax.random.split(KEY, 3)[2]
+    mine, after = decide(start(), OFF)
+    expected, reference = ddpg.act(
+        start(),
+        idle(),
+        jnp.ones(OBSERVATION),
+        noise_key,
+        config=BASELINE,
+        hyper=from_config(BASELINE),
+        step=STEP,
+    )
+    np.testing.assert_allclose(mine, expected, atol=1e-6)
+    chex.assert_trees_all_close(after, reference)
+
+
+# The critic's likelihood
+
+
+def test_alpha_divergence_equals_numpy():
+    config, batch, state = change(critic_loss="alpha", weight_decay=(0.1,)), batch_of(), start()
+    hyper, target = from_config(config), jnp.asarray(batch_of(1).reward)
+    loss, metrics = critic_loss(state.critic, batch, target, KEY, config=config, hyper=hyper)
+    masks = srl.posterior_masks(jax.random.split(KEY)[0], config=config, hyper=hyper)
+    alpha, tau, value = 0.5, 10.0, 0.0
+    for observation, action, y in zip(batch.observation, batch.action, target, strict=True):
+        q = loop_draws(state.critic, observation, [action], masks)[:, 0]
+        value += -np.log(np.sum(np.exp(-0.5 * alpha * tau * (y - q) ** 2))) / alpha / BATCH
+    squares = sum(float(np.sum(np.square(leaf))) for leaf in jax.tree.leaves(state.critic))
+    assert metrics["critic_loss"] == pytest.approx(value, rel=1e-4)
+    assert loss == pytest.approx(value + 0.1 * squares, rel=1e-4)
+
+
+def test_squared_error_has_a_mask_per_sample_and_member():
+    config, batch, state = change(dropout_update=True), batch_of(), start()
+    hyper, target = from_config(config), jnp.asarray(batch.reward)
+    loss, _ = critic_loss(state.critic, batch, target, KEY, config=config, hyper=hyper)
+    masks = dropout.sample_masks(jax.random.split(KEY)[0], config.hidden, (2, BATCH), hyper.dropout)
+    value = 0.0
+    for b in range(BATCH):
+        own = tuple(mask[:, b : b + 1] for mask in masks)
+        q = loop_draws(state.critic, batch.observation[b], [batch.action[b]], own)
+        value += float(np.sum((q - batch.reward[b]) ** 2)) / BATCH
+    assert loss == pytest.approx(value, rel=1e-5)
+
+
+def test_bootstrap_leaves_samples_out_per_member():
+    state, batch = start(), batch_of()
+    zero = jnp.zeros(BATCH)
+    full, _ = critic_loss(state.critic, batch, zero, KEY, config=FULL, hyper=from_config(FULL))
+    none, _ = critic_loss(state.critic, batch, zero, KEY, config=FULL, hyper=from_config(FULL, bootstrap=0.0))
+    half = from_config(FULL, bootstrap=0.5)
+    some = jax.jit(
+        jax.vmap(lambda k: srl.critic_loss(state.critic, batch, zero, k, config=FULL, hyper=half)[0])
+    )
+    values = some(jax.random.split(KEY, 400))
+    assert none == 0.0 and np.all(values <= full + 1e-6) and len(np.unique(values)) > 20
+    assert values.mean() == pytest.approx(0.5 * float(full), rel=0.1)
+
+
+# Guidance of the actor
+
+
+@pytest.mark.parametrize("estimator", ["paired", "gaussian"])
+def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
+    config, state, batch = change(estimator=estimator), start(), batch_of()
+    hyper = from_config(config)
+    action = jnp.asarray(batch.action)
+    advice = jnp.stack([jnp.full_like(action, 0.8), -action], axis=1)
+
+    def guided(critic, own, others):
+        return srl.guidance(critic, batch, own, others, KEY, config=config, hyper=hyper)
+
+    p = jax.jit(guided)(state.critic, action, advice)
+    masks = dropout.sample_masks(KEY, config.hidden, (2, 2), hyper.dropout)
+    for b in range(BATCH):
+        q = loop_draws(state.critic, batch.observation[b], [action[b], *advice[b]], masks)
+        for n in (1, 2):
+            d = jnp.asarray(q[:, n] - q[:, 0])
+            exact = (
+                np.mean((d > 0) + 0.5 * (d == 0))
+                if estimator == "paired"
+                else jax.scipy.stats.norm.cdf(d.mean() / d.std())
+            )
+            assert p[b, n - 1] == pytest.approx(float(exact), abs=1e-4)
+    gradients = jax.jit(jax.grad(lambda *x: guided(*x).sum(), (0, 1, 2)))(state.critic, action, advice)
+    assert all(np.all(leaf == 0) for leaf in jax.tree.leaves(gradients))
+
+
+def test_guidance_pulls_towards_a_teacher_the_critic_prefers():
+    batch, still = batch_of(), dict(critic_lr=0.0, dropout=0.0)
+    advice = jnp.full((BATCH, ACTION), 0.8)
+
+    def distance(state):
+        return float(np.square(own_action(state, batch.observation) - advice).sum(1).mean())
+
+    def train(slope, weight):
+        state = convinced(slope)
+        for _ in range(15):
+            state, metrics = run(state, batch, FULL, teachers=(high,), guidance_weight=weight, **still)
+        return distance(state), float(metrics["p_guid"])
+
+    before = distance(convinced(1e-3))
+    pulled, p = train(1e-3, 5.0)
+    alone, _ = train(1e-3, 0.0)
+    assert p == 1.0 and pulled < 0.5 * before and pulled < 0.9 * alone
+    # A teacher that is surely worse has no pull: the result is that of weight 0.
+    away, p = train(-1e-3, 5.0)
+    assert p == 0.0 and away == pytest.approx(train(-1e-3, 0.0)[0], abs=1e-6) and away > before
+
+
+def test_pull_is_the_weighted_distance_of_the_formula():
+    batch, state = batch_of(), convinced(1.0)
+
+    def first_layer(weight):
+        after, metrics = run(state, batch, FULL, teachers=(high, signed), guidance_weight=weight, dropout=0.0)
+        return after, metrics
+
+    _, metrics = first_layer(1.0)
+    better = 0.5 + 0.5 * np.mean(batch.observation[:, 0] > 0)  # the second is better in its high half only
+    assert metrics["p_guid"] == pytest.approx(better)
+
+
+def test_weight_zero_is_no_guidance():
+    none = run(start(), batch_of(), change(guidance_weight=(0.0,)), teachers=(high,))[0]
+    zero = run(start(), batch_of(), change(guidance_weight=(1.0,)), teachers=(high,), guidance_weight=0.0)[0]
+    one = run(start(), batch_of(), change(guidance_weight=(1.0,)), teachers=(high,))[0]
+    chex.assert_trees_all_close(none, zero, atol=1e-6)
+    chex.assert_trees_all_equal(zero.critic, one.critic)
+    assert np.any(zero.actor["params"]["action"]["bias"] != one.actor["params"]["action"]["bias"])
+
+
+# The behaviour target
+
+
+def test_behaviour_target_takes_the_better_action_under_the_online_critic():
+    config, batch = change(behaviour_target=True), batch_of()
+    state = convinced(1.0)._replace(target_critic=start(5).critic)  # only the online critic may choose
+    pick = jax.jit(lambda s: srl.next_action(s, batch, (signed,), config=config))
+    own = ddpg.student(state.target_actor, batch.next_observation, config=config)
+    advice = jax.vmap(signed)(batch.next_observation)
+    up = batch.next_observation[:, :1] > 0
+    assert up.any() and not up.all()
+    np.testing.assert_allclose(pick(state), np.where(up, advice, own), atol=1e-6)
+    np.testing.assert_allclose(pick(convinced(-1.0)), np.where(up, own, advice), atol=1e-6)
+    plain = srl.next_action(state, batch, (signed,), config=FULL)
+    np.testing.assert_allclose(plain, own, atol=1e-6)
+
+
+def test_behaviour_target_is_evaluated_by_the_target_critic():
+    config, batch = change(behaviour_target=True), batch_of()
+    config = change(config, critic_lr=(0.0,))
+    state = convinced(1.0)._replace(target_critic=convinced(3.0).critic)
+    up = batch.next_observation[:, 0] > 0
+    own = ddpg.student(state.target_actor, batch.next_observation, config=config).sum(1)
+    target = batch.reward + 0.97 * batch.discount * 3.0 * (4.0 + np.where(up, 1.6, own))
+    error = 4.0 + batch.action.sum(1) - target
+    _, metrics = run(state, batch, config, teachers=(signed,))
+    assert metrics["critic_loss"] == pytest.approx(np.mean(error**2), rel=1e-4)
+
+
+# Acting
+
+
+@pytest.mark.parametrize("commit", [True, False])
+@pytest.mark.parametrize(
+    ("slope", "before", "chosen"), [(1.0, 0, 1), (1.0, 1, 1), (-1.0, 0, 0), (-1.0, 1, 0)]
+)
+def test_who_acts_is_whom_the_critic_prefers(commit, slope, before, chosen):
+    state = convinced(slope)
+    action, after = decide(state, change(commit=commit), before=idle(before), dropout=0.0)
+    assert after.guidance.choice == chosen
+    mean = high(jnp.ones(OBSERVATION)) if chosen else own_action(state)
+    np.testing.assert_allclose(action, jnp.clip(mean + 0.1 * after.noise, -1, 1), atol=1e-6)
+
+
+def test_the_best_of_several_teachers_acts():
+    low = lambda o: -high(o)  # noqa: E731
+    assert decide(convinced(1.0), FULL, teachers=(low, high), dropout=0.0)[1].guidance.choice == 2
+    assert decide(convinced(-1.0), FULL, teachers=(low, high), dropout=0.0)[1].guidance.choice == 1
+
+
+def test_a_refused_switch_counts_and_keeps_the_policy():
+    never = dict(beta=1.0, psi=1.0, dropout=0.0)
+    _, after = decide(convinced(1.0), FULL, **never)
+    assert (after.guidance.choice, after.guidance.refused) == (0, 1)
+    _, after = decide(convinced(-1.0), FULL, before=idle(1), **never)
+    assert (after.guidance.choice, after.guidance.refused) == (1, 1)
+
+
+def test_noisy_proposals_make_the_student_pay_for_its_noise():
+    config = change(noisy_proposals=True)
+    action, after = decide(convinced(1.0), config, dropout=0.0)
+    assert after.guidance.choice == 1
+    np.testing.assert_array_equal(action, high(jnp.ones(OBSERVATION)))
+    action, after = decide(convinced(-1.0), config, dropout=0.0)
+    np.testing.assert_allclose(action, own_action(convinced(-1.0)) + 0.1 * after.noise, atol=1e-6)
+    # With noise enough, the student's own draw decides who acts; noise-free, it never does.
+    wide = jax.vmap(lambda k: decide(convinced(1.0), config, k, dropout=0.0, noise=5.0)[1].guidance.choice)
+    assert 0 < wide(jax.random.split(KEY, 64)).mean() < 1
+
+
+def test_one_posterior_sample_judges_all_proposals():
+    state = start()
+    twin = lambda o: own_action(state, o)  # noqa: E731
+    keys = jax.random.split(KEY, 64)
+
+    def choices(**fields):
+        config = change(commit=False, **fields)
+        return jax.vmap(lambda k: decide(state, config, k, teachers=(twin,))[1].guidance.choice)(keys)
+
+    assert not choices().any(), "equal proposals tie under a shared sample, and the student goes first"
+    assert 0.2 < choices(shared_masks=False).mean() < 0.8
+
+
+def test_without_teachers_the_student_acts():
+    _, after = decide(convinced(1.0), FULL, teachers=())
+    assert (after.guidance.choice, after.guidance.refused) == (0, 0)
+
+
+# Lanes
+
+
+def test_lanes_with_their_own_values_equal_separate_updates_and_do_not_see_each_other():
+    config = change(dropout_update=True, behaviour_target=True)
+    pile = lambda trees: jax.tree.map(lambda *x: jnp.stack(x), *trees)  # noqa: E731
+    lane_of = lambda tree, i: jax.tree.map(lambda x: x[i], tree)  # noqa: E731
+    values = [
+        dict(),
+        dict(actor_lr=1e-3, dropout=0.5, guidance_weight=0.0),
+        dict(critic_lr=1e-3, bootstrap=0.5),
+    ]
+    hypers = pile([from_config(config, **value) for value in values])
+    inputs = (
+        pile(start(s) for s in range(3)),
+        pile(batch_of(s) for s in range(3)),
+        jax.random.split(KEY, 3),
+        hypers,
+    )
+    one = lambda s, b, k, h: srl.update(s, b, k, config=config, hyper=h, step=STEP, teachers=(high,))  # noqa: E731
+    lanes = jax.jit(jax.vmap(one))
+    wide, _ = lanes(*inputs)
+    for i, value in enumerate(values):
+        alone, _ = run(start(i), batch_of(i), config, inputs[2][i], (high,), **value)
+        chex.assert_trees_all_close(lane_of(wide, i), alone, atol=5e-5)
+    swapped, _ = lanes(*jax.tree.map(lambda x: x[jnp.array([0, 2, 1])], inputs))
+    chex.assert_trees_all_equal(lane_of(swapped, 0), lane_of(wide, 0))
+
+
+def test_acting_lanes_do_not_see_each_other():
+    keys, observations = jax.random.split(KEY, 3), jax.random.normal(KEY, (3, OBSERVATION))
+    one = jax.jit(jax.vmap(lambda o, k: decide(start(), FULL, k, observation=o)))
+    wide = one(observations, keys)
+    other = one(observations.at[1:].add(5.0), keys)
+    chex.assert_trees_all_equal(*(jax.tree.map(lambda x: x[0], x) for x in (wide, other)))
