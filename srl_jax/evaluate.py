@@ -152,7 +152,7 @@ def rollout_c(
         reward=np.array([out.reward for out in outs] + [0.0] * rest, np.float32),
         success=np.array(any(out.success for out in outs)),
         fell=np.array(any(out.fell for out in outs)),
-        distance=np.sum([out.progress for out in outs], dtype=np.float32),
+        distance=np.array(sum(out.progress for out in outs), np.float32),
         length=np.array(len(outs), np.int32),
         goal=goal,
     )

@@ -9,7 +9,7 @@ import numpy as np
 SAMPLES = 2  # rays per pixel in each direction
 SUN = np.array([-0.3, -0.4, 1.0]) / np.linalg.norm([0.3, 0.4, 1.0])  # towards the light
 TILE = 0.25  # m
-GREY, HAZE = np.float32([0.985, 1.0, 1.015]), np.float32([0.88, 0.90, 0.93])
+GREY, HAZE = np.array([0.985, 1.0, 1.015], np.float32), np.array([0.88, 0.90, 0.93], np.float32)
 LIGHT, DARK = 0.81, 0.735  # brightness of the two kinds of tile
 SHADE = 0.62  # brightness of the floor in shadow
 AMBIENT, DIFFUSE = 0.55, 0.60
@@ -105,14 +105,14 @@ def _floor(view: Camera, centre: np.ndarray, geoms: list[Geom], goal: Goal | Non
         # The shadow of a ball is an ellipse, longer than the ball is wide by the slant of the light.
         rows, columns = view.window(geom[2] - SUN * geom[2][2] / SUN[2], _radius(geom) / SUN[2])
         points = place[:, rows, columns]
-        distance, _ = _hit(geom, points, np.broadcast_to(np.float32(SUN)[:, None, None], points.shape))
+        distance, _ = _hit(geom, points, np.broadcast_to(SUN.astype(np.float32)[:, None, None], points.shape))
         shaded[rows, columns] |= np.isfinite(distance)
     bright = np.where(shaded, SHADE * bright, bright)
     far = np.clip((np.hypot(place[0] - centre[0], place[1] - centre[1]) - 0.8) / 3.0, 0.0, 1.0).astype(np.float32)
     image = (1 - far) * bright * GREY[:, None, None] + far * HAZE[:, None, None]
     if goal is not None:
         inside = np.hypot(place[0] - goal[0][0], place[1] - goal[0][1]) < goal[1]
-        image[:, inside] = 0.55 * image[:, inside] + 0.45 * np.float32(goal[2])[:, None]
+        image[:, inside] = 0.55 * image[:, inside] + 0.45 * np.array(goal[2], np.float32)[:, None]
     return depth, image
 
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -38,13 +38,6 @@ context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 os._exit(0)
 """
-
-
-class Marker(NamedTuple):
-    """A goal to draw: a disc on the floor and a pin in its middle."""
-
-    position: np.ndarray  # f[2] m
-    radius: float  # m
 
 
 @cache
@@ -95,16 +88,17 @@ def render(
         raise ValueError(f"rollout.qpos has {poses.ndim} axes; one episode [T, 25] is accepted: pick a row.")
     poses = poses[: int(rollout.length)]
     goal = np.asarray(rollout.goal, np.float64)
-    marker = Marker(goal, goal_radius) if goal.any() else None
+    marker = (goal, goal_radius, GOAL) if goal.any() else None
+    outcome = "tipped over" if rollout.fell else "goal reached" if rollout.success else ""
     frames = []
     for t, picture in enumerate(paint(visible_model(damage_name), poses, marker, painter=painter, size=size)):
         text = _caption(damage_name, t + 1, poses[t, :2], marker)
-        end = _outcome(rollout) if t + 1 == len(poses) else ""
+        end = outcome if t + 1 == len(poses) else ""
         frames.append(np.concatenate([picture, _strip(text, end, size[0])]))
     return np.stack(frames + frames[-1:] * HOLD)
 
 
-def save_video(path: str | Path, frames: Iterable[np.ndarray], fps: float = CONTROL_HZ) -> None:
+def save_video(path: str | Path, frames: Iterable[np.ndarray], fps: int = int(CONTROL_HZ)) -> None:
     """Writes u8[H, W, 3] frames of one even size as H.264 in an mp4.
 
     Args:
@@ -162,7 +156,7 @@ def visible_model(damage_name: str) -> mujoco.MjModel:
 def paint(
     model: mujoco.MjModel,
     poses: np.ndarray,
-    marker: Marker | None,
+    marker: raycast.Goal | None,
     *,
     painter: Painter = "auto",
     size: tuple[int, int] = SIZE,
@@ -174,7 +168,7 @@ def paint(
     yield from draw(model, poses, marker, size)
 
 
-def _paint_gl(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[int, int]) -> Iterator[np.ndarray]:
+def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: tuple[int, int]) -> Iterator[np.ndarray]:
     # mujoco.Renderer is bound to the backend that was chosen when mujoco was imported; its parts are not.
     gl: Any = importlib.import_module(f"mujoco.{backend()}")
     width, height = size
@@ -207,37 +201,35 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[i
         context.free()
 
 
-def _add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
+def _add_marker(scene: mujoco.MjvScene, marker: raycast.Goal) -> None:
+    place, radius, colour = marker
     shapes = (
-        (mujoco.mjtGeom.mjGEOM_CYLINDER, (marker.radius, 0.001, 0.0), 0.001, 0.35),
+        (mujoco.mjtGeom.mjGEOM_CYLINDER, (radius, 0.001, 0.0), 0.001, 0.35),
         (mujoco.mjtGeom.mjGEOM_CAPSULE, (0.006, 0.09, 0.0), 0.09, 1.0),
         (mujoco.mjtGeom.mjGEOM_SPHERE, (0.02, 0.0, 0.0), 0.2, 1.0),
     )
     for shape, extent, height, alpha in shapes:
         geom = scene.geoms[scene.ngeom]
-        position, rgba = np.array([*marker.position, height]), np.array([*GOAL, alpha], np.float32)
+        position, rgba = np.array([*place, height]), np.array([*colour, alpha], np.float32)
         mujoco.mjv_initGeom(geom, shape, np.array(extent), position, np.eye(3).ravel(), rgba)
         scene.ngeom += 1
 
 
-def _paint_plain(model: mujoco.MjModel, poses, marker: Marker | None, size: tuple[int, int]) -> Iterator[np.ndarray]:
+def _paint_plain(
+    model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: tuple[int, int]
+) -> Iterator[np.ndarray]:
     data = mujoco.MjData(model)
-    goal = None if marker is None else (marker.position, marker.radius, GOAL)
     for pose in poses:
         data.qpos[:] = pose
         mujoco.mj_forward(model, data)
-        yield raycast.picture(model, data, size, goal)
+        yield raycast.picture(model, data, size, marker)
 
 
-def _caption(damage_name: str, steps: int, position: np.ndarray, marker: Marker | None) -> str:
+def _caption(damage_name: str, steps: int, position: np.ndarray, marker: raycast.Goal | None) -> str:
     text = f"{damage_name}    {steps / CONTROL_HZ:5.2f} s    {np.linalg.norm(position):.2f} m from the start"
     if marker is not None:
-        text += f"    {np.linalg.norm(marker.position - position):.2f} m to the goal"
+        text += f"    {np.linalg.norm(marker[0] - position):.2f} m to the goal"
     return text
-
-
-def _outcome(rollout: Rollout) -> str:
-    return "tipped over" if rollout.fell else "goal reached" if rollout.success else ""
 
 
 def _strip(text: str, end: str, width: int) -> np.ndarray:

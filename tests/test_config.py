@@ -71,9 +71,7 @@ def test_sweeps_are_parsed_from_commas(text, values):
 
 
 def test_sweeps_are_parsed_inside_a_run():
-    config = tyro.cli(
-        Config, args=["--srl.actor-lr", "1e-3,1e-4", "--ddpg.tau", "0.02"], default=preset("smoke")
-    )
+    config = tyro.cli(Config, args=["--srl.actor-lr", "1e-3,1e-4", "--ddpg.tau", "0.02"], default=preset("smoke"))
     assert config.srl.actor_lr == (1e-3, 1e-4) and config.ddpg.tau == (0.02,)
     assert config.srl.hidden == (32, 32), "the preset's other values stay"
 

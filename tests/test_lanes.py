@@ -53,7 +53,7 @@ def test_sweeping_one_algorithm_leaves_the_others_alone():
 
 @pytest.mark.parametrize("devices", [1, 2, 3, 5, 20])
 def test_layout_holds_every_lane_once(devices):
-    rows = table(seeds=(0, 1, 2, 3, 4), damages=("leg_rm",)) + [Lane(10, "acteach", 0, "p2p", "leg_rm")]
+    rows = [*table(seeds=(0, 1, 2, 3, 4), damages=("leg_rm",)), Lane(10, "acteach", 0, "p2p", "leg_rm")]
     layout = lanes.lay_out(rows, devices)
     assert len(layout.rows) == len(layout.padding) == devices * layout.rows_per_device
     kept = [lane for lane, pad in zip(layout.rows, layout.padding, strict=True) if not pad]

@@ -11,7 +11,7 @@ import pytest
 from srl_jax import replay
 from srl_jax.types import Transition
 
-O, A, N = 3, 2, 200
+STATE, ACTION, N = 3, 2, 200
 add = jax.jit(replay.add)
 sample = jax.jit(replay.sample, static_argnums=(2, 4))
 
@@ -19,7 +19,7 @@ sample = jax.jit(replay.sample, static_argnums=(2, 4))
 def transitions(*shape: int, seed: int = 0) -> Transition:
     rng = np.random.default_rng(seed)
     draw = lambda *size: rng.normal(size=(*shape, *size)).astype(np.float32)  # noqa: E731
-    return Transition(draw(O), draw(A), draw(), draw(), draw(O), draw())
+    return Transition(draw(STATE), draw(ACTION), draw(), draw(), draw(STATE), draw())
 
 
 def numbered(first: int, count: int) -> Transition:
@@ -27,7 +27,7 @@ def numbered(first: int, count: int) -> Transition:
     number = jnp.arange(first, first + count, dtype=jnp.float32)
     column = number[:, None]
     return Transition(
-        jnp.tile(column, O), jnp.tile(column, A), number, number, jnp.tile(column, O), chosen=number
+        jnp.tile(column, STATE), jnp.tile(column, ACTION), number, number, jnp.tile(column, STATE), chosen=number
     )
 
 
@@ -35,17 +35,17 @@ def numbered(first: int, count: int) -> Transition:
 def test_unpack_inverts_pack(shape):
     t = transitions(*shape)
     rows = replay.pack(t)
-    assert rows.shape == (*shape, replay.width(O, A))
-    chex.assert_trees_all_equal(replay.unpack(rows, O), t)
+    assert rows.shape == (*shape, replay.width(STATE, ACTION))
+    chex.assert_trees_all_equal(replay.unpack(rows, STATE), t)
 
 
 def test_empty_buffer_has_the_packed_width():
-    assert replay.init(7, O, A).rows.shape == replay.pack(transitions(7)).shape
+    assert replay.init(7, STATE, ACTION).rows.shape == replay.pack(transitions(7)).shape
 
 
 @pytest.mark.parametrize(("capacity", "block"), [(6, 1), (6, 2), (6, 3), (8, 8)])
 def test_ring_keeps_what_a_deque_keeps(capacity, block):
-    buffer, reference = replay.init(capacity, O, A), deque(maxlen=capacity)
+    buffer, reference = replay.init(capacity, STATE, ACTION), deque(maxlen=capacity)
     for at in range(0, 3 * capacity, block):
         new = transitions(block, seed=at)
         buffer = add(buffer, new, jnp.int32(at))
@@ -59,37 +59,37 @@ def test_ring_keeps_what_a_deque_keeps(capacity, block):
 
 
 def test_samples_come_from_filled_rows_only_and_reach_all_of_them():
-    buffer = add(replay.init(8, O, A), numbered(1, 4), jnp.int32(0))
-    batch = sample(buffer, jnp.int32(4), N, jax.random.key(0), O)
+    buffer = add(replay.init(8, STATE, ACTION), numbered(1, 4), jnp.int32(0))
+    batch = sample(buffer, jnp.int32(4), N, jax.random.key(0), STATE)
     assert set(np.asarray(batch.reward)) == {1.0, 2.0, 3.0, 4.0}
     counts = np.bincount(np.asarray(batch.reward, int))[1:]
     assert np.all(abs(counts - 50) < 25)  # 4 standard deviations of a binomial
 
 
 def test_sampled_rows_are_whole_transitions():
-    buffer = add(replay.init(8, O, A), numbered(0, 8), jnp.int32(0))
-    batch = sample(buffer, jnp.int32(8), N, jax.random.key(1), O)
+    buffer = add(replay.init(8, STATE, ACTION), numbered(0, 8), jnp.int32(0))
+    batch = sample(buffer, jnp.int32(8), N, jax.random.key(1), STATE)
     for field in batch:
         np.testing.assert_array_equal(field.reshape(N, -1)[:, 0], batch.reward)
 
 
 def test_after_the_wrap_only_the_newest_are_sampled():
-    buffer = replay.init(8, O, A)
+    buffer = replay.init(8, STATE, ACTION)
     for at in range(0, 20, 4):
         buffer = add(buffer, numbered(at, 4), jnp.int32(at))
-    batch = sample(buffer, jnp.int32(8), N, jax.random.key(2), O)
+    batch = sample(buffer, jnp.int32(8), N, jax.random.key(2), STATE)
     assert set(np.asarray(batch.reward)) == set(np.arange(12.0, 20.0))
 
 
 def test_an_empty_buffer_samples_its_zero_row():
-    batch = sample(replay.init(8, O, A), jnp.int32(0), N, jax.random.key(0), O)
+    batch = sample(replay.init(8, STATE, ACTION), jnp.int32(0), N, jax.random.key(0), STATE)
     chex.assert_trees_all_equal(batch, jax.tree.map(jnp.zeros_like, batch))
 
 
 def test_lanes_under_vmap_keep_their_own_rows():
-    buffers = jax.vmap(lambda _: replay.init(4, O, A))(jnp.arange(3))
+    buffers = jax.vmap(lambda _: replay.init(4, STATE, ACTION))(jnp.arange(3))
     new = transitions(3, 2)
     wide = jax.jit(jax.vmap(replay.add, (0, 0, None)))(buffers, new, jnp.int32(2))
     for lane in range(3):
-        alone = add(replay.init(4, O, A), jax.tree.map(lambda x, i=lane: x[i], new), jnp.int32(2))
+        alone = add(replay.init(4, STATE, ACTION), jax.tree.map(lambda x, i=lane: x[i], new), jnp.int32(2))
         np.testing.assert_array_equal(wide.rows[lane], alone.rows)

@@ -107,7 +107,7 @@ def test_opengl_shows_the_same_as_rays(rollout):
     if video.backend() is None:
         pytest.skip("no OpenGL here")
     gl, plain = (video.render(rollout, "leg_rm", painter=painter)[0].astype(int) for painter in ("gl", "plain"))
-    assert np.abs(gl - plain).mean() < 12  # of 255: other tiles, other light
+    assert np.abs(gl - plain).mean() < 30  # of 255: the tiles start elsewhere
     assert np.abs(orange(gl) / orange(plain) - 1) < 0.15
 
 

@@ -14,13 +14,13 @@ from srl_jax.config import DDPGConfig
 from srl_jax.types import ActState, Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
-CONFIG = DDPGConfig(
-    hidden=(8, 8), critics=2, batch=BATCH, freeze=(100.0,), actor_lr=(1e-2,), critic_lr=(1e-2,)
-)
+CONFIG = DDPGConfig(hidden=(8, 8), critics=2, batch=BATCH, freeze=(100.0,), actor_lr=(1e-2,), critic_lr=(1e-2,))
 HYPER = from_config(CONFIG)
 update = jax.jit(ddpg.update, static_argnames=("config", "teachers"))
 act = jax.jit(ddpg.act, static_argnames=("config", "teachers"))
 init = jax.jit(lambda key: ddpg.init(key, OBSERVATION, ACTION, config=CONFIG))
+student = jax.jit(ddpg.student, static_argnames="config")
+critic_of = jax.jit(ddpg.critic_fn(CONFIG))
 KEY, LATE = jax.random.key(0), jnp.float32(1e6)
 
 
@@ -54,10 +54,7 @@ def member(params, k: int):
 def loop_q(params, observation, action) -> np.ndarray:
     critic = ddpg.critic_fn(CONFIG)
     return np.array(
-        [
-            [critic(member(params, k), s, a) for s, a in zip(observation, action, strict=True)]
-            for k in range(2)
-        ]
+        [[critic(member(params, k), s, a) for s, a in zip(observation, action, strict=True)] for k in range(2)]
     )
 
 
@@ -79,7 +76,7 @@ def test_targets_start_at_the_networks_and_members_differ():
 
 def test_a_given_actor_is_the_start():
     actor = init(jax.random.key(7)).actor
-    state = ddpg.init(KEY, OBSERVATION, ACTION, config=CONFIG, actor=actor)
+    state = jax.jit(lambda a: ddpg.init(KEY, OBSERVATION, ACTION, config=CONFIG, actor=a))(actor)
     chex.assert_trees_all_equal(state.actor, actor)
     chex.assert_trees_all_equal(state.target_actor, actor)
 
@@ -87,9 +84,7 @@ def test_a_given_actor_is_the_start():
 def test_td_target_equals_numpy_and_stops_at_termination_only():
     state, batch = start(), batch_of()
     next_action = np.tanh(batch.next_observation[:, :ACTION])
-    target = jax.jit(ddpg.td_target, static_argnames="config")(
-        state, batch, next_action, config=CONFIG, hyper=HYPER
-    )
+    target = jax.jit(ddpg.td_target, static_argnames="config")(state, batch, next_action, config=CONFIG, hyper=HYPER)
     next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
     np.testing.assert_allclose(target, batch.reward + 0.97 * batch.discount * next_q, rtol=1e-5, atol=1e-6)
     ends = batch.discount == 0
@@ -100,7 +95,7 @@ def test_td_target_equals_numpy_and_stops_at_termination_only():
 def test_update_equals_a_reference_with_optax():
     state, batch = start(), batch_of()
     (after, metrics), (gamma, tau) = run(state, batch), (0.97, 0.01)
-    next_action = ddpg.student(state.target_actor, batch.next_observation, config=CONFIG)
+    next_action = student(state.target_actor, batch.next_observation, config=CONFIG)
     next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
     target = jnp.asarray(batch.reward + gamma * batch.discount * next_q)
     critic, adam = jax.vmap(ddpg.critic_fn(CONFIG), (None, 0, 0)), optax.adam(1e-2)
@@ -208,13 +203,13 @@ def test_noise_has_its_variance_and_correlation(rho):
 def test_acting_adds_noise_to_the_student_and_ignores_teachers():
     state, observation = start(), jnp.ones(OBSERVATION)
     quiet = HYPER._replace(noise=jnp.float32(0.0), noise_floor=jnp.float32(0.0))
-    student = ddpg.student(state.actor, observation, config=CONFIG)
+    own = student(state.actor, observation, config=CONFIG)
     keywords = dict(config=CONFIG, step=LATE)
     action, after = act(state, idle(), observation, KEY, hyper=quiet, teachers=(jnp.sin,), **keywords)
-    np.testing.assert_allclose(action, student, atol=1e-6)
+    np.testing.assert_allclose(action, own, atol=1e-6)
     assert after.guidance.choice == 0
     action, after = act(state, idle(), observation, KEY, hyper=HYPER, **keywords)
-    np.testing.assert_allclose(action, jnp.clip(student + 0.25 * after.noise, -1, 1), atol=1e-6)
+    np.testing.assert_allclose(action, jnp.clip(own + 0.25 * after.noise, -1, 1), atol=1e-6)
     loud, _ = act(state, idle(), observation, KEY, hyper=HYPER._replace(noise=jnp.float32(1e3)), **keywords)
     assert np.all(np.abs(loud) == 1.0)
 

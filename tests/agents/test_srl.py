@@ -10,9 +10,9 @@ import pytest
 
 from srl_jax.agents import ddpg, srl
 from srl_jax.agents.hyper import from_config
-from srl_jax.bayes import controller, dropout
+from srl_jax.bayes import dropout
 from srl_jax.config import DDPGConfig, SRLConfig
-from srl_jax.types import ActState, Transition
+from srl_jax.types import Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
 SHARED = dict(
@@ -31,9 +31,11 @@ FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF = SRLConfig(**SHARED, select=False, guidance_weight=(0.0,), bootstrap=(1.0,), weight_decay=(0.0,))
 STATIC = ("config", "teachers")
 update = jax.jit(srl.update, static_argnames=STATIC)
-act = jax.jit(srl.act, static_argnames=STATIC)
 init = jax.jit(lambda key: srl.init(key, OBSERVATION, ACTION, config=FULL))
 critic_loss = jax.jit(srl.critic_loss, static_argnames="config")
+baseline = jax.jit(ddpg.update, static_argnames=STATIC)
+student = jax.jit(lambda actor, observation: ddpg.student(actor, observation, config=FULL))
+critic_of = jax.jit(ddpg.critic_fn(FULL))
 KEY, STEP = jax.random.key(0), jnp.float32(1e4)
 
 
@@ -81,49 +83,36 @@ def convinced(slope: float, seed: int = 0) -> ddpg.AgentState:
     return state._replace(critic=critic, target_critic=critic)
 
 
-def idle(choice: int = 0) -> ActState:
-    guidance = controller.init()._replace(choice=jnp.int32(choice))
-    return ActState(jnp.zeros(ACTION), guidance)
-
-
 def run(state, batch, config, key=KEY, teachers=(), **overrides):
     hyper = from_config(config, **overrides)
     return update(state, batch, key, config=config, hyper=hyper, step=STEP, teachers=teachers)
 
 
-def decide(state, config, key=KEY, teachers=(high,), before=None, observation=None, **overrides):
-    observation = jnp.ones(OBSERVATION) if observation is None else observation
-    keywords = dict(config=config, hyper=from_config(config, **overrides), step=STEP, teachers=teachers)
-    return act(state, before or idle(), observation, key, **keywords)
-
-
 def own_action(state, observation=None):
-    return ddpg.student(
-        state.actor, jnp.ones(OBSERVATION) if observation is None else observation, config=FULL
-    )
+    return ddpg.student(state.actor, jnp.ones(OBSERVATION) if observation is None else observation, config=FULL)
 
 
-def loop_draws(params, observation, actions, masks, config=FULL) -> np.ndarray:
+def loop_draws(params, observation, actions, masks) -> np.ndarray:
     """Q for one state under every mask and member: f32[J * K, N]."""
-    critic, (members, draws) = jax.jit(ddpg.critic_fn(config)), masks[0].shape[:2]
-    rows = []
-    for j in range(draws):
-        for k in range(members):
-            one = jax.tree.map(lambda x, k=k: x[k], params)
-            mask = tuple(m[k, j] for m in masks)
-            rows.append([critic(one, observation, action, mask) for action in actions])
-    return np.array(rows)
+    params, masks = jax.tree.map(np.asarray, (params, masks))
+    members, draws = masks[0].shape[:2]
+    one = [jax.tree.map(lambda x, k=k: x[k], params) for k in range(members)]
+    return np.array(
+        [
+            [critic_of(one[k], observation, np.asarray(action), tuple(m[k, j] for m in masks)) for action in actions]
+            for j in range(draws)
+            for k in range(members)
+        ]
+    )
 
 
 # Without its parts
 
 
-@pytest.mark.parametrize("teachers", [(), (high,)])
-def test_update_without_its_parts_is_ddpg(teachers):
+def test_update_without_its_parts_is_ddpg():
     mine, reference = start(), start()
-    baseline = jax.jit(ddpg.update, static_argnames=STATIC)
     for seed in range(3):
-        mine, metrics = run(mine, batch_of(seed), OFF, jax.random.key(seed), teachers)
+        mine, metrics = run(mine, batch_of(seed), OFF, jax.random.key(seed), (high,))
         reference, expected = baseline(
             reference, batch_of(seed), KEY, config=BASELINE, hyper=from_config(BASELINE), step=STEP
         )
@@ -131,22 +120,6 @@ def test_update_without_its_parts_is_ddpg(teachers):
             assert metrics[name] == pytest.approx(float(expected[name]), rel=1e-5)
     assert metrics["p_guid"] == 0.0
     chex.assert_trees_all_close(mine, reference, atol=1e-6)
-
-
-def test_acting_without_selection_is_ddpg():
-    noise_key = jax.random.split(KEY, 3)[2]
-    mine, after = decide(start(), OFF)
-    expected, reference = ddpg.act(
-        start(),
-        idle(),
-        jnp.ones(OBSERVATION),
-        noise_key,
-        config=BASELINE,
-        hyper=from_config(BASELINE),
-        step=STEP,
-    )
-    np.testing.assert_allclose(mine, expected, atol=1e-6)
-    chex.assert_trees_all_close(after, reference)
 
 
 # The critic's likelihood
@@ -185,9 +158,7 @@ def test_bootstrap_leaves_samples_out_per_member():
     full, _ = critic_loss(state.critic, batch, zero, KEY, config=FULL, hyper=from_config(FULL))
     none, _ = critic_loss(state.critic, batch, zero, KEY, config=FULL, hyper=from_config(FULL, bootstrap=0.0))
     half = from_config(FULL, bootstrap=0.5)
-    some = jax.jit(
-        jax.vmap(lambda k: srl.critic_loss(state.critic, batch, zero, k, config=FULL, hyper=half)[0])
-    )
+    some = jax.jit(jax.vmap(lambda k: srl.critic_loss(state.critic, batch, zero, k, config=FULL, hyper=half)[0]))
     values = some(jax.random.split(KEY, 400))
     assert none == 0.0 and np.all(values <= full + 1e-6) and len(np.unique(values)) > 20
     assert values.mean() == pytest.approx(0.5 * float(full), rel=0.1)
@@ -222,7 +193,7 @@ def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
     assert all(np.all(leaf == 0) for leaf in jax.tree.leaves(gradients))
 
 
-def test_guidance_pulls_towards_a_teacher_the_critic_prefers():
+def test_guidance_pulls_towards_a_teacher_unless_the_critic_is_against_it():
     batch, still = batch_of(), dict(critic_lr=0.0, dropout=0.0)
     advice = jnp.full((BATCH, ACTION), 0.8)
 
@@ -230,36 +201,51 @@ def test_guidance_pulls_towards_a_teacher_the_critic_prefers():
         return float(np.square(own_action(state, batch.observation) - advice).sum(1).mean())
 
     def train(slope, weight):
-        state = convinced(slope)
-        for _ in range(15):
-            state, metrics = run(state, batch, FULL, teachers=(high,), guidance_weight=weight, **still)
+        state, metrics = run(convinced(slope), batch, FULL, teachers=(high,), guidance_weight=weight, **still)
+        for _ in range(14):
+            state, _ = run(state, batch, FULL, teachers=(high,), guidance_weight=weight, **still)
         return distance(state), float(metrics["p_guid"])
 
-    before = distance(convinced(1e-3))
-    pulled, p = train(1e-3, 5.0)
-    alone, _ = train(1e-3, 0.0)
-    assert p == 1.0 and pulled < 0.5 * before and pulled < 0.9 * alone
-    # A teacher that is surely worse has no pull: the result is that of weight 0.
+    # An undecided critic has no slope, so that only the pull moves the actor.
+    before = distance(convinced(0.0))
+    pulled, p = train(0.0, 5.0)
+    assert p == 0.5 and pulled < 0.2 * before
+    assert train(0.0, 0.0)[0] == pytest.approx(before, abs=1e-6)
+    # A teacher that is surely better pulls fully; one that is surely worse, not at all.
+    assert train(1e-3, 5.0)[1] == 1.0
     away, p = train(-1e-3, 5.0)
     assert p == 0.0 and away == pytest.approx(train(-1e-3, 0.0)[0], abs=1e-6) and away > before
 
 
-def test_pull_is_the_weighted_distance_of_the_formula():
-    batch, state = batch_of(), convinced(1.0)
+def test_actor_descends_the_guided_loss():
+    state, batch, weight = start(), batch_of(), 3.0
+    after, metrics = run(state, batch, FULL, teachers=(high,), guidance_weight=weight)
+    masks_key, observations = jax.random.split(KEY)[1], jnp.asarray(batch.observation)
+    advice, action = jnp.full((BATCH, ACTION), 0.8), student(state.actor, observations)
+    p = np.zeros(BATCH)
+    masks = dropout.sample_masks(masks_key, FULL.hidden, (2, 2), jnp.float32(0.3))
+    for b in range(BATCH):
+        q = loop_draws(after.critic, batch.observation[b], [action[b], advice[b]], masks)
+        p[b] = np.mean((q[:, 1] > q[:, 0]) + 0.5 * (q[:, 1] == q[:, 0]))
+    assert metrics["p_guid"] == pytest.approx(p.mean(), abs=1e-6) and 0 < p.mean() < 1
 
-    def first_layer(weight):
-        after, metrics = run(state, batch, FULL, teachers=(high, signed), guidance_weight=weight, dropout=0.0)
-        return after, metrics
+    @jax.jit
+    def gradient(actor, p):
+        def loss(actor):
+            own = ddpg.student(actor, observations, config=FULL)
+            pull = weight * jnp.mean(p * jnp.square(own - advice).sum(1))
+            return pull - ddpg.ensemble_q(after.critic, observations, own, config=FULL).mean()
 
-    _, metrics = first_layer(1.0)
-    better = 0.5 + 0.5 * np.mean(batch.observation[:, 0] > 0)  # the second is better in its high half only
-    assert metrics["p_guid"] == pytest.approx(better)
+        return jax.grad(loss)(actor)
+
+    expected = jax.tree.map(lambda g: 0.1 * g, gradient(state.actor, jnp.asarray(p, jnp.float32)))
+    chex.assert_trees_all_close(after.actor_optimiser.mu, expected, atol=1e-6)  # Adam's first moment
 
 
 def test_weight_zero_is_no_guidance():
-    none = run(start(), batch_of(), change(guidance_weight=(0.0,)), teachers=(high,))[0]
-    zero = run(start(), batch_of(), change(guidance_weight=(1.0,)), teachers=(high,), guidance_weight=0.0)[0]
-    one = run(start(), batch_of(), change(guidance_weight=(1.0,)), teachers=(high,))[0]
+    none = run(start(), batch_of(), OFF, teachers=(high,))[0]
+    zero = run(start(), batch_of(), FULL, teachers=(high,), guidance_weight=0.0)[0]
+    one = run(start(), batch_of(), FULL, teachers=(high,))[0]
     chex.assert_trees_all_close(none, zero, atol=1e-6)
     chex.assert_trees_all_equal(zero.critic, one.critic)
     assert np.any(zero.actor["params"]["action"]["bias"] != one.actor["params"]["action"]["bias"])
@@ -272,92 +258,32 @@ def test_behaviour_target_takes_the_better_action_under_the_online_critic():
     config, batch = change(behaviour_target=True), batch_of()
     state = convinced(1.0)._replace(target_critic=start(5).critic)  # only the online critic may choose
     pick = jax.jit(lambda s: srl.next_action(s, batch, (signed,), config=config))
-    own = ddpg.student(state.target_actor, batch.next_observation, config=config)
+    own = student(state.target_actor, batch.next_observation)
     advice = jax.vmap(signed)(batch.next_observation)
     up = batch.next_observation[:, :1] > 0
     assert up.any() and not up.all()
     np.testing.assert_allclose(pick(state), np.where(up, advice, own), atol=1e-6)
     np.testing.assert_allclose(pick(convinced(-1.0)), np.where(up, own, advice), atol=1e-6)
-    plain = srl.next_action(state, batch, (signed,), config=FULL)
+    plain = jax.jit(lambda s: srl.next_action(s, batch, (signed,), config=FULL))(state)
     np.testing.assert_allclose(plain, own, atol=1e-6)
 
 
 def test_behaviour_target_is_evaluated_by_the_target_critic():
     config, batch = change(behaviour_target=True), batch_of()
-    config = change(config, critic_lr=(0.0,))
     state = convinced(1.0)._replace(target_critic=convinced(3.0).critic)
     up = batch.next_observation[:, 0] > 0
-    own = ddpg.student(state.target_actor, batch.next_observation, config=config).sum(1)
+    own = student(state.target_actor, batch.next_observation).sum(1)
     target = batch.reward + 0.97 * batch.discount * 3.0 * (4.0 + np.where(up, 1.6, own))
     error = 4.0 + batch.action.sum(1) - target
     _, metrics = run(state, batch, config, teachers=(signed,))
     assert metrics["critic_loss"] == pytest.approx(np.mean(error**2), rel=1e-4)
 
 
-# Acting
-
-
-@pytest.mark.parametrize("commit", [True, False])
-@pytest.mark.parametrize(
-    ("slope", "before", "chosen"), [(1.0, 0, 1), (1.0, 1, 1), (-1.0, 0, 0), (-1.0, 1, 0)]
-)
-def test_who_acts_is_whom_the_critic_prefers(commit, slope, before, chosen):
-    state = convinced(slope)
-    action, after = decide(state, change(commit=commit), before=idle(before), dropout=0.0)
-    assert after.guidance.choice == chosen
-    mean = high(jnp.ones(OBSERVATION)) if chosen else own_action(state)
-    np.testing.assert_allclose(action, jnp.clip(mean + 0.1 * after.noise, -1, 1), atol=1e-6)
-
-
-def test_the_best_of_several_teachers_acts():
-    low = lambda o: -high(o)  # noqa: E731
-    assert decide(convinced(1.0), FULL, teachers=(low, high), dropout=0.0)[1].guidance.choice == 2
-    assert decide(convinced(-1.0), FULL, teachers=(low, high), dropout=0.0)[1].guidance.choice == 1
-
-
-def test_a_refused_switch_counts_and_keeps_the_policy():
-    never = dict(beta=1.0, psi=1.0, dropout=0.0)
-    _, after = decide(convinced(1.0), FULL, **never)
-    assert (after.guidance.choice, after.guidance.refused) == (0, 1)
-    _, after = decide(convinced(-1.0), FULL, before=idle(1), **never)
-    assert (after.guidance.choice, after.guidance.refused) == (1, 1)
-
-
-def test_noisy_proposals_make_the_student_pay_for_its_noise():
-    config = change(noisy_proposals=True)
-    action, after = decide(convinced(1.0), config, dropout=0.0)
-    assert after.guidance.choice == 1
-    np.testing.assert_array_equal(action, high(jnp.ones(OBSERVATION)))
-    action, after = decide(convinced(-1.0), config, dropout=0.0)
-    np.testing.assert_allclose(action, own_action(convinced(-1.0)) + 0.1 * after.noise, atol=1e-6)
-    # With noise enough, the student's own draw decides who acts; noise-free, it never does.
-    wide = jax.vmap(lambda k: decide(convinced(1.0), config, k, dropout=0.0, noise=5.0)[1].guidance.choice)
-    assert 0 < wide(jax.random.split(KEY, 64)).mean() < 1
-
-
-def test_one_posterior_sample_judges_all_proposals():
-    state = start()
-    twin = lambda o: own_action(state, o)  # noqa: E731
-    keys = jax.random.split(KEY, 64)
-
-    def choices(**fields):
-        config = change(commit=False, **fields)
-        return jax.vmap(lambda k: decide(state, config, k, teachers=(twin,))[1].guidance.choice)(keys)
-
-    assert not choices().any(), "equal proposals tie under a shared sample, and the student goes first"
-    assert 0.2 < choices(shared_masks=False).mean() < 0.8
-
-
-def test_without_teachers_the_student_acts():
-    _, after = decide(convinced(1.0), FULL, teachers=())
-    assert (after.guidance.choice, after.guidance.refused) == (0, 0)
-
-
 # Lanes
 
 
 def test_lanes_with_their_own_values_equal_separate_updates_and_do_not_see_each_other():
-    config = change(dropout_update=True, behaviour_target=True)
+    config = FULL
     pile = lambda trees: jax.tree.map(lambda *x: jnp.stack(x), *trees)  # noqa: E731
     lane_of = lambda tree, i: jax.tree.map(lambda x: x[i], tree)  # noqa: E731
     values = [
@@ -380,11 +306,3 @@ def test_lanes_with_their_own_values_equal_separate_updates_and_do_not_see_each_
         chex.assert_trees_all_close(lane_of(wide, i), alone, atol=5e-5)
     swapped, _ = lanes(*jax.tree.map(lambda x: x[jnp.array([0, 2, 1])], inputs))
     chex.assert_trees_all_equal(lane_of(swapped, 0), lane_of(wide, 0))
-
-
-def test_acting_lanes_do_not_see_each_other():
-    keys, observations = jax.random.split(KEY, 3), jax.random.normal(KEY, (3, OBSERVATION))
-    one = jax.jit(jax.vmap(lambda o, k: decide(start(), FULL, k, observation=o)))
-    wide = one(observations, keys)
-    other = one(observations.at[1:].add(5.0), keys)
-    chex.assert_trees_all_equal(*(jax.tree.map(lambda x: x[0], x) for x in (wide, other)))

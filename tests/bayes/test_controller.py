@@ -31,9 +31,7 @@ def key_proposing(draws: jax.Array, wanted: int) -> jax.Array:
     """A key under which Thompson's sample prefers `wanted`."""
     for seed in range(200):
         key = jax.random.key(seed)
-        followed, acting = select(
-            state(wanted), draws, key, hyper=Commitment(jnp.float32(2.0), jnp.float32(1.0))
-        )
+        followed, acting = select(state(wanted), draws, key, hyper=Commitment(jnp.float32(2.0), jnp.float32(1.0)))
         if followed.refused == 0 and acting == wanted:
             return key
     raise AssertionError("no key found")
@@ -106,9 +104,7 @@ def test_estimators_may_disagree_and_are_both_used():
 
 def test_no_commitment_without_threshold():
     draws = posterior(3)
-    _, acting = select(
-        state(0), draws, key_proposing(draws, 1), hyper=Commitment(jnp.float32(0.0), HYPER.psi)
-    )
+    _, acting = select(state(0), draws, key_proposing(draws, 1), hyper=Commitment(jnp.float32(0.0), HYPER.psi))
     assert acting == 1
 
 
@@ -126,9 +122,7 @@ def test_equal_policies_never_make_nan_or_a_switch(estimator):
 def test_vmap_equals_one_by_one(static, estimator):
     rng = np.random.default_rng(0)
     lanes = 16
-    states = GuidanceState(
-        jnp.asarray(rng.integers(3, size=lanes), jnp.int32), jnp.arange(lanes, dtype=jnp.int32)
-    )
+    states = GuidanceState(jnp.asarray(rng.integers(3, size=lanes), jnp.int32), jnp.arange(lanes, dtype=jnp.int32))
     draws = jnp.asarray(rng.normal(size=(lanes, 12, 3)), jnp.float32)
     keys = jax.random.split(KEY, lanes)
     hyper = Commitment(jnp.linspace(0.1, 0.9, lanes), jnp.full(lanes, 0.99))

@@ -8,25 +8,21 @@ import pytest
 from srl_jax.agents.networks import Critic
 from srl_jax.bayes import dropout
 
-O, A, K, J, N = 3, 2, 2, 3, 4
+STATE, ACTION, K, J, N = 3, 2, 2, 3, 4
 WIDTHS = (8, 6)
 RNG = np.random.default_rng(0)
-OBSERVATION = RNG.normal(size=O).astype(np.float32)
-ACTIONS = RNG.normal(size=(N, A)).astype(np.float32)
+OBSERVATION = RNG.normal(size=STATE).astype(np.float32)
+ACTIONS = RNG.normal(size=(N, ACTION)).astype(np.float32)
 
 masks_of = jax.jit(dropout.sample_masks, static_argnums=(1, 2))
 
 
 def network(layer_norm: bool):
     critic = Critic(WIDTHS, layer_norm)
-    params = jax.vmap(lambda k: critic.init(k, OBSERVATION, ACTIONS[0]))(
-        jax.random.split(jax.random.key(0), K)
-    )
+    params = jax.vmap(lambda k: critic.init(k, OBSERVATION, ACTIONS[0]))(jax.random.split(jax.random.key(0), K))
     # Biases start at zero and scales at one, which would hide a mistake in them.
     leaves, tree = jax.tree.flatten(params)
-    params = jax.tree.unflatten(
-        tree, [leaf + 0.3 * RNG.normal(size=leaf.shape).astype(np.float32) for leaf in leaves]
-    )
+    params = jax.tree.unflatten(tree, [leaf + 0.3 * RNG.normal(size=leaf.shape).astype(np.float32) for leaf in leaves])
     return critic.apply, params
 
 
@@ -107,13 +103,9 @@ def test_without_dropout_the_draws_are_the_members():
     critic, params = network(False)
     masks = masks_of(jax.random.key(5), WIDTHS, (K, J), jnp.float32(0.0))
     draws = dropout.q_draws(critic, params, OBSERVATION, ACTIONS, masks)
-    members = jnp.stack(
-        [critic(jax.tree.map(lambda x, k=k: x[k], params), OBSERVATION, ACTIONS[0]) for k in range(K)]
-    )
+    members = jnp.stack([critic(jax.tree.map(lambda x, k=k: x[k], params), OBSERVATION, ACTIONS[0]) for k in range(K)])
     np.testing.assert_allclose(draws[:, 0], np.tile(members, J), rtol=1e-5)
-    np.testing.assert_allclose(
-        dropout.mean_q(critic, params, OBSERVATION, ACTIONS[0]), draws[:, 0].mean(), rtol=1e-5
-    )
+    np.testing.assert_allclose(dropout.mean_q(critic, params, OBSERVATION, ACTIONS[0]), draws[:, 0].mean(), rtol=1e-5)
 
 
 def test_draws_under_vmap_equal_one_by_one():

@@ -68,9 +68,7 @@ def test_a_tie_counts_half():
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-@pytest.mark.parametrize(
-    ("gap", "expected"), [(0.0, 0.5), (1e-3, 1.0), (-1e-3, 0.0), (1e30, 1.0), (-1e-30, 0.0)]
-)
+@pytest.mark.parametrize(("gap", "expected"), [(0.0, 0.5), (1e-3, 1.0), (-1e-3, 0.0), (1e30, 1.0), (-1e-30, 0.0)])
 def test_a_certain_posterior_decides_without_nan(estimator, gap, expected):
     draws = jnp.zeros((7, 2)).at[:, 0].set(gap)
     assert better(draws, 0, 1, estimator) == expected

@@ -11,9 +11,8 @@ from srl_jax.config import EnvConfig
 from srl_jax.env import damage, gait, hexapod
 from srl_jax.env.model import LEGS
 
-RF_RR_LM, RM_LF_LR = (
-    [LEGS.index(leg) for leg in tripod] for tripod in (("rf", "rr", "lm"), ("rm", "lf", "lr"))
-)
+RF_RR_LM = [LEGS.index(leg) for leg in ("rf", "rr", "lm")]
+RM_LF_LR = [LEGS.index(leg) for leg in ("rm", "lf", "lr")]
 MIRRORED = [LEGS.index({"r": "l", "l": "r"}[leg[0]] + leg[1]) for leg in LEGS]
 LINEAR = gait.Gait(1.5, 0.4, 0.2, -0.1, 0.2, 0.1, 0.1, 0.05, 0.02, 0.2)  # never clipped
 
@@ -82,9 +81,8 @@ def test_file_has_a_value_for_every_parameter():
 
 def test_loads_from_a_file(tmp_path):
     path = tmp_path / "gait.json"
-    path.write_text(
-        json.dumps({"gait": dict(zip(gait.Gait._fields, range(len(gait.Gait._fields)), strict=True))})
-    )
+    values = {name: i for i, name in enumerate(gait.Gait._fields)}
+    path.write_text(json.dumps({"gait": values}))
     loaded = gait.load(path)
     assert loaded.turn.dtype == jnp.float32
     np.testing.assert_array_equal(np.array(loaded), np.arange(len(loaded)))
