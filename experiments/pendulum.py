@@ -1,7 +1,7 @@
 """The agents on Pendulum-v1, by the same act, update and replay as on the robot: python -m experiments.pendulum."""
 
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,9 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation
-COMMON = dict(critics=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,))
+COMMON: dict[str, Any] = dict(
+    critics=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,)
+)
 CONFIGS = {"ddpg": DDPGConfig(**COMMON), "srl": SRLConfig(init="random", dropout=(0.1,), **COMMON)}
 
 
@@ -38,8 +40,7 @@ def step(state: jax.Array, action: jax.Array) -> tuple[jax.Array, jax.Array]:
 def swing_up(observation: jax.Array) -> jax.Array:
     """A teacher: pumps energy until upright is in reach, then holds there by proportional-derivative control."""
     cos, sin, speed = observation
-    push = jnp.where(cos > 0.9, -4.0 * sin - speed, speed * (2.5 - 2.5 * cos - speed**2 / 12.0))
-    return jnp.clip(push[None], -1.0, 1.0)
+    return jnp.clip(jnp.where(cos > 0.9, -4 * sin - speed, speed * (2.5 - 2.5 * cos - speed**2 / 12))[None], -1, 1)
 
 
 def episode_return(policy, key: jax.Array) -> jax.Array:
@@ -49,8 +50,8 @@ def episode_return(policy, key: jax.Array) -> jax.Array:
 
 def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
     """Trains one seed, one update a step, and returns what the student alone earns: f32[]."""
-    agent = srl if isinstance(config, SRLConfig) else ddpg
-    settings = dict(config=config, hyper=hyper.from_config(config), teachers=(swing_up,))
+    agent: Any = srl if isinstance(config, SRLConfig) else ddpg
+    settings: dict[str, Any] = dict(config=config, hyper=hyper.from_config(config), teachers=(swing_up,))
     init_key, run_key, test_key = jax.random.split(jax.random.key(seed), 3)
     start = ActState(jnp.zeros(1), controller.init())
 
@@ -58,16 +59,16 @@ def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
         (learner, memory, *now), keys = carry, jax.random.split(jax.random.fold_in(run_key, t), 4)
         acting, state = jax.tree.map(partial(jnp.where, t % EPISODE == 0), [start, reset(keys[0])], now)
         action, acting = agent.act(learner, acting, observe(state), keys[1], step=t, **settings)
-        after, reward = step(state, action)
-        new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), 1.0 * acting.guidance.choice)
+        (after, reward), chosen = step(state, action), 1.0 * acting.guidance.choice
+        new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), chosen)
         memory = replay.add(memory, jax.tree.map(lambda x: x[None], new), t)
         batch = replay.sample(memory, t + 1, config.batch, keys[2], 3)
         return (agent.update(learner, batch, keys[3], step=t, **settings)[0], memory, acting, after), None
 
     carry = agent.init(init_key, 3, 1, config=config), replay.init(steps, 3, 1), start, jnp.zeros(2)
-    (learner, *_), _ = jax.lax.scan(advance, carry, jnp.arange(steps))
-    policy = partial(ddpg.student, learner.actor, config=config)
-    return jax.vmap(partial(episode_return, policy))(jax.random.split(test_key, TESTS)).mean()
+    learner = jax.lax.scan(advance, carry, jnp.arange(steps))[0][0]
+    earn = partial(episode_return, partial(ddpg.student, learner.actor, config=config))
+    return jax.vmap(earn)(jax.random.split(test_key, TESTS)).mean()
 
 
 def main(algo: Literal["ddpg", "srl"] = "ddpg", seeds: int = 10, steps: int = 30_000) -> None:

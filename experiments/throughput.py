@@ -138,7 +138,9 @@ def main() -> None:
     console, environments = Console(), preset("default").train.environments
     console.print(f"{devices} devices; C MuJoCo {c_rate:,.0f} physics steps/s; sgemm {peak / 1e9:,.0f} GFLOP/s; ")
     console.print(f"one update is {flops / 1e6:.1f} MFLOP (mean of DDPG and SRL)")
-    table = Table("lanes", "compile s", "env steps/s", "physics/s acting", "of C", "updates/s learning", "of sgemm", box=None)
+    table = Table(
+        "lanes", "compile s", "env steps/s", "physics/s acting", "of C", "updates/s learning", "of sgemm", box=None
+    )
     for count in arguments.lanes:
         found = time_lanes(count, devices, arguments)
         physics = found["lanes"] * environments * SUBSTEPS / found["acting"]

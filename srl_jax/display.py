@@ -42,9 +42,7 @@ class Display:
     def update(self, status: Status) -> None:
         """Shows the newest status; on a file, one line whenever something was evaluated."""
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
-        self.bar.update(
-            self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates
-        )
+        self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
         key = (status.phase, status.step if latest(status) != getattr(self, "_latest", None) else -1)
         if not self.console.is_terminal and key != self._printed:
             print(f"{status.phase} {status.step}/{status.steps} {status.elapsed:.0f} s {rates}", flush=True)
@@ -68,9 +66,7 @@ class Display:
         )
         for lane in summary.get("nonfinite_lanes", []):
             self.console.print(f"Lane {lane} met a number that is not finite and was frozen.")
-        self.console.print(
-            f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True
-        )
+        self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
 
 
 def latest(status: Status) -> str:

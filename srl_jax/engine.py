@@ -29,9 +29,7 @@ def make_program(config: Config, layout: Layout, teachers: tuple[Behaviour, ...]
     devices = jax.devices()[: layout.devices]
     mesh = jax.make_mesh((layout.devices,), (AXIS,), (jax.sharding.AxisType.Auto,), devices=devices)
     assert isinstance(mesh, Mesh)
-    return Program(
-        config, layout, robot, tuple(t.apply for t in teachers), mesh, devices[0].platform != "cpu"
-    )
+    return Program(config, layout, robot, tuple(t.apply for t in teachers), mesh, devices[0].platform != "cpu")
 
 
 class Engine:
@@ -72,15 +70,11 @@ def stack(trees: list[Any]) -> Any:
     return jax.tree.map(lambda *x: jnp.stack(x), *trees)
 
 
-def lane_data(
-    program: Program, teachers: tuple[Behaviour, ...], stream: str, damage_names: list[str]
-) -> LaneData:
+def lane_data(program: Program, teachers: tuple[Behaviour, ...], stream: str, damage_names: list[str]) -> LaneData:
     """The rows' keys for a stream of randomness, their damage, hyper-parameters and teachers; no healthy replay yet."""
     layout = program.layout
     hyper: dict[str, Hyper] = {
-        algo: stack(
-            [from_config(program.agent_config(algo), **dict(lane.variant)) for lane in layout.of(algo)]
-        )
+        algo: stack([from_config(program.agent_config(algo), **dict(lane.variant)) for lane in layout.of(algo)])
         for algo, _ in layout.counts
     }
     data = LaneData(
@@ -123,15 +117,9 @@ def means(program: Program, tally: Tally, training: bool) -> list[dict[str, floa
     for row, lane in enumerate(program.layout.rows):
         index = position[lane.algo]
         position[lane.algo] += 1
-        values = {
-            name: total[row] / tally.episodes[row]
-            for name, total in tally.totals.items()
-            if tally.episodes[row]
-        }
+        values = {name: total[row] / tally.episodes[row] for name, total in tally.totals.items() if tally.episodes[row]}
         if training:
-            values |= {
-                name: rate[row] / tally.steps[row] for name, rate in tally.rates.items() if tally.steps[row]
-            }
+            values |= {name: rate[row] / tally.steps[row] for name, rate in tally.rates.items() if tally.steps[row]}
             losses = tally.losses[lane.algo]
             values |= {name: loss[index] / tally.updates for name, loss in losses.items() if tally.updates}
         result.append({name: float(value) for name, value in values.items()})
@@ -140,9 +128,7 @@ def means(program: Program, tally: Tally, training: bool) -> list[dict[str, floa
 
 def replaying(program: Program) -> list[str]:
     """The algorithms that replay healthy transitions."""
-    fractions = {
-        a: getattr(program.agent_config(a), "prior_fraction", (0.0,)) for a, _ in program.layout.counts
-    }
+    fractions = {a: getattr(program.agent_config(a), "prior_fraction", (0.0,)) for a, _ in program.layout.counts}
     return [algo for algo, values in fractions.items() if max(values) > 0.0]
 
 

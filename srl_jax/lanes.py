@@ -57,9 +57,7 @@ class Layout:
         return result
 
 
-def table(
-    config: Config, seeds: tuple[int, ...], algos: tuple[str, ...], damages: tuple[str, ...]
-) -> list[Lane]:
+def table(config: Config, seeds: tuple[int, ...], algos: tuple[str, ...], damages: tuple[str, ...]) -> list[Lane]:
     """Every lane of a run, numbered: algorithms, their variants, damages, seeds."""
     keys = [
         (algo, seed, config.task, damage, tuple(variant.items()))

@@ -70,9 +70,7 @@ def learn_algo(
     return blocked_map(jax.vmap(lane), args, 0 if program.wide else program.config.train.update_block)
 
 
-def mix_prior(
-    batches: jax.Array, prior: jax.Array, keys: jax.Array, hyper: Hyper, step: jax.Array
-) -> jax.Array:
+def mix_prior(batches: jax.Array, prior: jax.Array, keys: jax.Array, hyper: Hyper, step: jax.Array) -> jax.Array:
     """Replaces a decaying fraction of each mini-batch by healthy transitions (Sec. "prior replays")."""
 
     def lane(batch: jax.Array, healthy: jax.Array, key: jax.Array, hyper_: Hyper) -> jax.Array:

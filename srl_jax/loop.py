@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from srl_jax import checkpoint, engine, output, plan, report, sources, start
+from srl_jax import checkpoint, engine, output, plan, report, showcase, sources, start
 from srl_jax import lanes as lane_table
 from srl_jax.config import Config
 from srl_jax.env.hexapod import SUBSTEPS
@@ -126,7 +126,11 @@ class _Run:
             if keeper.latest_step() != int(state.clock):
                 self.save(keeper, state, tally)
         self.show("summary", int(state.clock))
-        return self.summarise()
+        data = report.read_metrics(self.directory)
+        damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
+        chosen = showcase.median_lanes(self.plan.lanes, data.metrics["eval/return"][self.config.steps])
+        showcase.save_videos(self.directory / "videos", self.program, state, chosen, damage)
+        return self.summarise(data)
 
     def begin(self, keeper) -> tuple[TrainState, Tally]:
         """The state to go on from: the newest checkpoint's, or step 0 with its reference measurements."""
@@ -212,9 +216,8 @@ class _Run:
         updates = rate * train.updates / train.environments
         self.listener(Progress(phase, step, self.config.steps, self.seconds, rate, updates, self.latest))
 
-    def summarise(self) -> dict[str, Any]:
-        """Writes summary.json and curves.png from the files."""
-        data = report.read_metrics(self.directory)
+    def summarise(self, data: report.RunData) -> dict[str, Any]:
+        """Writes summary.json and curves.png from the run's metrics."""
         rate = len(self.plan.lanes) * self.trained / self.seconds if self.seconds else 0.0
         summary = report.summarise(data) | {
             "machine": {
@@ -224,9 +227,7 @@ class _Run:
                 "compile_seconds": round(self.engine.compile_seconds, 1),
                 "environment_steps_per_second": round(rate),
                 "physics_steps_per_second": round(rate * SUBSTEPS),
-                "updates_per_second": round(
-                    rate * self.config.train.updates / self.config.train.environments
-                ),
+                "updates_per_second": round(rate * self.config.train.updates / self.config.train.environments),
                 "peak_memory_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
             }
         }

@@ -37,9 +37,7 @@ def write_config(directory: Path, config: Config, devices: int) -> None:
     """config.json: every setting, resolved, with versions and the machine."""
     versions = {name: metadata.version(name) for name in PACKAGES if name in _installed()}
     machine = {"python": platform.python_version(), "machine": platform.machine(), "devices": devices}
-    write_json(
-        directory / "config.json", {"config": dataclasses.asdict(config), "versions": versions} | machine
-    )
+    write_json(directory / "config.json", {"config": dataclasses.asdict(config), "versions": versions} | machine)
 
 
 def _installed() -> set[str]:
@@ -84,9 +82,7 @@ def write_lanes(directory: Path, lanes: list[Lane]) -> None:
     with (directory / "lanes.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(("lane", "algo", "seed", "task", "damage", "variant"))
-        writer.writerows(
-            (lane.index, lane.algo, lane.seed, lane.task, lane.damage, lane.label) for lane in lanes
-        )
+        writer.writerows((lane.index, lane.algo, lane.seed, lane.task, lane.damage, lane.label) for lane in lanes)
 
 
 class Metrics:

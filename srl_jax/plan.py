@@ -70,9 +70,7 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
         stages.append((int(step), damages.canonical(name)))
     starts = [start for start, _ in stages]
     if starts[0] != 0 or starts != sorted(set(starts)) or starts[-1] >= config.steps:
-        raise ValueError(
-            f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}."
-        )
+        raise ValueError(f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}.")
     if any(start % every for start in starts):
         raise ValueError(f"damage_schedule starts at {starts}: use multiples of train.environments={every}.")
     return tuple(stages)
@@ -101,9 +99,7 @@ def check_numbers(config: Config) -> None:
         if value < unit or value % unit:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
-        raise ValueError(
-            f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}."
-        )
+        raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
     low, high = env.goal_ring
     if not env.goal_radius < low <= high:
         raise ValueError(
@@ -133,9 +129,7 @@ def check_agent(algo: str, config) -> None:
             f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
         )
     if getattr(config, "draws", config.critics) % config.critics:
-        raise ValueError(
-            f"{algo}.draws is {config.draws}: it must be a multiple of {algo}.critics={config.critics}."
-        )
+        raise ValueError(f"{algo}.draws is {config.draws}: it must be a multiple of {algo}.critics={config.critics}.")
     for name, (low, high) in RANGES.items():
         for value in getattr(config, name, ()):
             if not low <= value <= high:

@@ -48,9 +48,7 @@ def _main(argv: list[str]) -> int:
     arguments = parse(argv)
     config = Config(**{field.name: getattr(arguments, field.name) for field in dataclasses.fields(Config)})
     devices = use_devices(config.devices)
-    directory = Path(
-        arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}"
-    )
+    directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
 
     from srl_jax import loop  # jax is imported here, after the devices are known
 

@@ -45,18 +45,14 @@ def check(config: Config) -> None:
         return
     directory = Path(config.behaviour)
     if not directory.is_dir():
-        raise ValueError(
-            f"behaviour is {config.behaviour!r}: give gait, train, or the directory of a finished run."
-        )
+        raise ValueError(f"behaviour is {config.behaviour!r}: give gait, train, or the directory of a finished run.")
     stored, _ = output.read_config(directory)
     for name, mine, theirs in (
         ("task", config.task, stored.task),
         ("env.observation", config.env.observation, stored.env.observation),
     ):
         if mine != theirs:
-            raise ValueError(
-                f"behaviour {directory} was trained with {name}={theirs}, this run has {name}={mine}."
-            )
+            raise ValueError(f"behaviour {directory} was trained with {name}={theirs}, this run has {name}={mine}.")
 
 
 def load(
@@ -95,13 +91,9 @@ def from_run(path: Path, config: Config) -> Behaviour:
     """The students of a finished run's healthy lanes as pi_B, one per seed (taken in turn if there are fewer)."""
     stored, devices = output.read_config(path)
     lanes = plan.make(stored).lanes
-    algo = next(
-        (a for a in STUDENTS if any(lane.algo == a and lane.damage == "healthy" for lane in lanes)), None
-    )
+    algo = next((a for a in STUDENTS if any(lane.algo == a and lane.damage == "healthy" for lane in lanes)), None)
     if algo is None:
-        raise ValueError(
-            f"behaviour {path} has no healthy lane: pi_B is taken from a run with --damage healthy."
-        )
+        raise ValueError(f"behaviour {path} has no healthy lane: pi_B is taken from a run with --damage healthy.")
     students = checkpoint.students(path / "checkpoints")[algo]
     rows = lane_table.lay_out(lanes, devices).of(algo)
     healthy = {lane.seed: i for i, lane in reversed(list(enumerate(rows))) if lane.damage == "healthy"}

@@ -15,9 +15,7 @@ from srl_jax.env import hexapod
 from srl_jax.env.hexapod import ACTION_SIZE
 from srl_jax.state import COLLECT, LaneData, Program, TrainState, agent_module, bind_teachers, sharding
 
-CLONE_NOISE = (
-    0.25  # on pi_B's actions while its healthy experience is collected, so that a clone sees its own errors
-)
+CLONE_NOISE = 0.25  # on pi_B's actions while its healthy experience is collected, so that a clone sees its own errors
 
 
 def init_agents(program: Program) -> dict[str, ddpg.AgentState]:
@@ -27,9 +25,7 @@ def init_agents(program: Program) -> dict[str, ddpg.AgentState]:
     for algo, _ in program.layout.counts:
         config = program.agent_config(algo)
         keys = jnp.stack([lane_table.key(lane, "agent") for lane in program.layout.of(algo)])
-        init = partial(
-            agent_module(config).init, observation_size=size, action_size=ACTION_SIZE, config=config
-        )
+        init = partial(agent_module(config).init, observation_size=size, action_size=ACTION_SIZE, config=config)
         agents[algo] = jax.jit(jax.vmap(init), out_shardings=sharding(program))(on_rows(program, keys))
     return agents
 
@@ -78,9 +74,7 @@ def from_behaviour(
     index = {a: rows_of(program, a) for a in {*cloned, *replayed}}
     agents = dict(state.agents)
     for algo in cloned:
-        agents[algo] = start_actor(
-            program, algo, agents[algo], experience[index[algo]], healthy, index[algo], network
-        )
+        agents[algo] = start_actor(program, algo, agents[algo], experience[index[algo]], healthy, index[algo], network)
     prior = {algo: on_rows(program, experience[index[algo]]) for algo in replayed}
     clock = on_all(program, jnp.zeros((), jnp.int32))
     state = state._replace(clock=clock, agents=agents, world=engine.new_world(lanes))
@@ -114,9 +108,7 @@ def start_actor(
             params, seen, key = args
             teacher = bind_teachers(program, params)[0]
             updates = program.config.train.clone_updates
-            return behaviour.clone(
-                teacher, seen, key, config=config, updates=updates, action_size=ACTION_SIZE
-            )[0]
+            return behaviour.clone(teacher, seen, key, config=config, updates=updates, action_size=ACTION_SIZE)[0]
 
         block = 0 if program.wide else program.config.train.update_block
         actor = jax.jit(lambda args: blocked_map(jax.vmap(lane), args, block))((teachers, observations, keys))

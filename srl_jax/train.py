@@ -100,9 +100,7 @@ def vector_step(
     clock = state.clock + program.environments
     state = TrainState(clock, state.agents, memory, world, alive)
     due = mode_.learn & (clock >= program.config.train.warmup)
-    return jax.lax.cond(
-        due, partial(learn_rows, program, lanes), lambda s, t, _: (s, t), state, tally, keys[:, 2]
-    )
+    return jax.lax.cond(due, partial(learn_rows, program, lanes), lambda s, t, _: (s, t), state, tally, keys[:, 2])
 
 
 def act_rows(
@@ -125,9 +123,7 @@ def act_rows(
     return jnp.concatenate(actions), jax.tree.map(lambda *x: jnp.concatenate(x), *act_states)
 
 
-def act_lane(
-    program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: AgentState, rows: tuple, hyper: Hyper
-):
+def act_lane(program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: AgentState, rows: tuple, hyper: Hyper):
     """The actions f32[E, 18] of one lane's robots."""
     act_states, observations, key, teacher_params = rows
     config = program.agent_config(algo)
@@ -151,21 +147,15 @@ def act_lane(
     return jax.vmap(one)(act_states, observations, jax.random.split(key, program.environments))
 
 
-def simulate_rows(
-    program: Program, damage: Damage, env: EnvState, action: jax.Array
-) -> tuple[EnvState, EnvStep]:
+def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
     """One control step of all robots, in blocks of lanes that fit the cache; the physics is traced here and only here."""
-    lane = jax.vmap(
-        partial(hexapod.step, program.robot), (None, 0, 0)
-    )  # the robots of a lane share its damage
+    lane = jax.vmap(partial(hexapod.step, program.robot), (None, 0, 0))  # the robots of a lane share its damage
     step = jax.vmap(lane)
     block = 0 if program.wide else program.config.train.physics_block
     return blocked_map(lambda args: step(*args), (damage, env, action), block)
 
 
-def store(
-    memory: Replay, transition: Transition, clock: jax.Array, wanted: jax.Array, alive: jax.Array
-) -> Replay:
+def store(memory: Replay, transition: Transition, clock: jax.Array, wanted: jax.Array, alive: jax.Array) -> Replay:
     """Writes the transitions of all rows at the shared clock; unwanted ones write back what is there.
 
     A write under a batched predicate would copy the whole buffer.
@@ -201,10 +191,7 @@ def count_step(
         episodes=tally.episodes + counted.sum(1),
         totals={name: tally.totals[name] + (counted * value).sum(1) for name, value in ended.items()},
         steps=tally.steps + weight * done.shape[1],
-        rates={
-            name: tally.rates[name] + weight * value.astype(jnp.float32).sum(1)
-            for name, value in rates.items()
-        },
+        rates={name: tally.rates[name] + weight * value.astype(jnp.float32).sum(1) for name, value in rates.items()},
     )
     going = 1.0 - done
     return tally, Episode(reward * going, progress * going, episode.finished + done)

@@ -36,7 +36,12 @@ def test_swept_values_add_lanes():
 def test_schedule_is_in_force_from_its_steps_on():
     made = plan.make(config(damage_schedule="healthy@0,tibia_rm@20000,leg_rm@40000", seeds="1", algos="srl"))
     (lane,) = made.lanes
-    assert [made.damage(lane, step) for step in (0, 19_999, 20_000, 40_000)] == ["healthy", "healthy", "tibia_rm", "leg_rm"]
+    assert [made.damage(lane, step) for step in (0, 19_999, 20_000, 40_000)] == [
+        "healthy",
+        "healthy",
+        "tibia_rm",
+        "leg_rm",
+    ]
 
 
 BAD = {

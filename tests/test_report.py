@@ -143,11 +143,7 @@ def test_table_reads_like_a_paper(tmp_path):
     assert header == ["method", "success", "return", "area", "retained", "steps to finish"]
     assert ddpg[0] == "ddpg" and ddpg[-1] == "never"
     assert srl[1].startswith(".55 [.5") or srl[1].startswith(".54 [.5")
-    assert (
-        srl[2].startswith("54.5 [5")
-        and srl[3].startswith((".34 [.3", ".35 [.3"))
-        and srl[5].startswith("250 [")
-    )
+    assert srl[2].startswith("54.5 [5") and srl[3].startswith((".34 [.3", ".35 [.3")) and srl[5].startswith("250 [")
 
 
 @pytest.mark.parametrize("task", ["p2p", "x"])

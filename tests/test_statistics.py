@@ -36,9 +36,7 @@ def test_interval_covers_at_about_its_nominal_rate():
     offsets, rng = np.linspace(-0.3, 0.3, 6), np.random.default_rng(7)
     hits = 0
     for trial in range(400):
-        low, high = statistics.stratified_interval(
-            rng.normal(offsets, 1.0, (10, 6)), resamples=400, seed=trial
-        )
+        low, high = statistics.stratified_interval(rng.normal(offsets, 1.0, (10, 6)), resamples=400, seed=trial)
         hits += low <= 0.0 <= high
     assert 0.90 <= hits / 400 <= 0.985
 

@@ -66,9 +66,7 @@ def init(
     if actor is None:
         actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, observation)
     member = Critic(config.hidden, config.layer_norm)
-    critic = jax.vmap(lambda k: member.init(k, observation, action))(
-        jax.random.split(critic_key, config.critics)
-    )
+    critic = jax.vmap(lambda k: member.init(k, observation, action))(jax.random.split(critic_key, config.critics))
     return AgentState(
         actor=actor,
         critic=critic,
@@ -133,9 +131,7 @@ def td_target(
     state: AgentState, batch: Transition, next_action: jax.Array, *, config: DDPGConfig, hyper: Hyper
 ) -> jax.Array:
     """``r + gamma * discount * mean_k Q'_k(s', a')`` for a batch: f32[B]."""
-    next_q = jnp.mean(
-        ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0
-    )
+    next_q = jnp.mean(ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0)
     return batch.reward + hyper.gamma * batch.discount * next_q
 
 

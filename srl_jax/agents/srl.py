@@ -28,13 +28,9 @@ def posterior_masks(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposal
     return dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
 
-def proposals(
-    actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig
-) -> jax.Array:
+def proposals(actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
     """``[pi_theta(s), pi_B1(s), ...]``, noise-free: f32[N + 1, A]."""
-    return jnp.stack(
-        [student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)]
-    )
+    return jnp.stack([student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)])
 
 
 def act(
@@ -84,9 +80,7 @@ def choose(guidance, draws: jax.Array, key: jax.Array, *, config: SRLConfig, hyp
     return guidance
 
 
-def next_action(
-    state: AgentState, batch: Transition, teachers: Sequence[Teacher], *, config: SRLConfig
-) -> jax.Array:
+def next_action(state: AgentState, batch: Transition, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
     """The TD target's action f32[B, A]: the target actor's, or the best proposal under the online mean critic."""
     if not (config.behaviour_target and teachers):
         return student(state.target_actor, batch.next_observation, config=config)

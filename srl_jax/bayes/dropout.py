@@ -35,9 +35,7 @@ def sample_masks(key: jax.Array, widths: Sequence[int], shape: tuple[int, ...], 
     )
 
 
-def q_draws(
-    critic: Critic, params: Params, observation: jax.Array, actions: jax.Array, masks: tuple
-) -> jax.Array:
+def q_draws(critic: Critic, params: Params, observation: jax.Array, actions: jax.Array, masks: tuple) -> jax.Array:
     """Posterior draws of Q(s, a) for several actions, every draw applied to all of them.
 
     Args:

@@ -229,9 +229,7 @@ def _parse_loss(part: str, name: str) -> Loss:
         )
     kinds = LEG_KINDS if segment == "leg" else JOINT_KINDS
     if colon and kind not in kinds:
-        raise ValueError(
-            f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(kinds)}."
-        )
+        raise ValueError(f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(kinds)}.")
     return Loss(segment, leg, kind or "removed")
 
 

@@ -64,18 +64,14 @@ def make(task: str, config: EnvConfig, clock_hz: float) -> Hexapod:
         raise ValueError(f"task is {task!r}: choose x, xy or p2p.")
     c_model = load_model()
     model = put_model(c_model)
-    return Hexapod(
-        model, mjx.make_data(c_model), jnp.asarray(stance(c_model), jnp.float32), task, config, clock_hz
-    )
+    return Hexapod(model, mjx.make_data(c_model), jnp.asarray(stance(c_model), jnp.float32), task, config, clock_hz)
 
 
 def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax.Array]:
     """A robot standing at the origin, its joints and clock perturbed, and its observation f32[O]."""
     joint_key, phase_key, goal_key = jax.random.split(key, 3)
     noise = robot.config.start_noise * jax.random.uniform(joint_key, (ACTION_SIZE,), minval=-1.0)
-    free = (
-        damage.dof_armature[6:] < damages.LOCK_ARMATURE
-    )  # a locked joint starts, and stays, where it locked
+    free = damage.dof_armature[6:] < damages.LOCK_ARMATURE  # a locked joint starts, and stays, where it locked
     state = EnvState(
         qpos=robot.stance.at[7:].add(jnp.where(free, noise, 0.0)),
         qvel=jnp.zeros(24),
@@ -128,9 +124,7 @@ def advance(robot: Hexapod, before: EnvState, after: EnvState, action: jax.Array
     task, config = robot.task, robot.config
     phase = jnp.mod(before.phase + robot.clock_hz / CONTROL_HZ, 1.0)
     after = after._replace(phase=phase, steps=before.steps + 1)
-    progress = tasks.distance(task, after.qpos[:2], after.goal) - tasks.distance(
-        task, before.qpos[:2], before.goal
-    )
+    progress = tasks.distance(task, after.qpos[:2], after.goal) - tasks.distance(task, before.qpos[:2], before.goal)
     success = tasks.succeeded(task, config, after.qpos[:2], after.goal)
     fell = rotation(after.qpos[3:7])[2, 2] < UPRIGHT
     ends = tasks.ends_on_success(task, config)

@@ -170,9 +170,7 @@ def test_everything_stays_finite(rollouts):
 @pytest.mark.parametrize("name", [name for name in WALKING if "limp" in name])
 def test_limp_joints_carry_no_actuator_force(rollouts, name):
     path, force = rollouts[0][name]
-    limp = [
-        i for i, joint in enumerate(JOINTS) if f"{joint}:limp" in name or f"leg_{joint[-2:]}:limp" in name
-    ]
+    limp = [i for i, joint in enumerate(JOINTS) if f"{joint}:limp" in name or f"leg_{joint[-2:]}:limp" in name]
     assert limp
     np.testing.assert_array_equal(force[:, limp], 0)
     assert np.abs(path[-1, 7:] - stance(load_model())[7:])[limp].max() > 0.05  # and they do give way
