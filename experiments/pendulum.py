@@ -14,10 +14,8 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation
-COMMON: dict[str, Any] = dict(
-    critics=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,)
-)
-CONFIGS = {"ddpg": DDPGConfig(**COMMON), "srl": SRLConfig(init="random", dropout=(0.1,), **COMMON)}
+SHARED: Any = dict(critics=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,))
+CONFIGS = {"ddpg": DDPGConfig(**SHARED), "srl": SRLConfig(init="random", dropout=(0.1,), **SHARED)}
 
 
 def reset(key: jax.Array) -> jax.Array:
@@ -51,7 +49,7 @@ def episode_return(policy, key: jax.Array) -> jax.Array:
 def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
     """Trains one seed, one update a step, and returns what the student alone earns: f32[]."""
     agent: Any = srl if isinstance(config, SRLConfig) else ddpg
-    settings: dict[str, Any] = dict(config=config, hyper=hyper.from_config(config), teachers=(swing_up,))
+    settings: Any = dict(config=config, hyper=hyper.from_config(config), teachers=(swing_up,))
     init_key, run_key, test_key = jax.random.split(jax.random.key(seed), 3)
     start = ActState(jnp.zeros(1), controller.init())
 

@@ -15,17 +15,7 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
-SHARED = dict(
-    hidden=(8, 8),
-    layer_norm=False,
-    critics=2,
-    batch=BATCH,
-    freeze=(0.0,),
-    actor_lr=(1e-2,),
-    critic_lr=(1e-2,),
-    init="random",
-    noise=(0.1,),
-)
+SHARED = dict(hidden=(8, 8), layer_norm=False, critics=2, freeze=(0.0,), actor_lr=(1e-2,), critic_lr=(1e-2,))
 BASELINE = DDPGConfig(**SHARED)
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF = SRLConfig(**SHARED, select=False, guidance_weight=(0.0,), bootstrap=(1.0,), weight_decay=(0.0,))
@@ -48,10 +38,6 @@ def signed(observation: jax.Array) -> jax.Array:
     return 0.8 * jnp.sign(observation[:1]) * jnp.ones(ACTION)
 
 
-def change(config: SRLConfig = FULL, **fields) -> SRLConfig:
-    return dataclasses.replace(config, **fields)
-
-
 def batch_of(seed: int = 0) -> Transition:
     rng = np.random.default_rng(seed)
     draw = lambda *shape: rng.normal(size=(BATCH, *shape)).astype("f")  # noqa: E731
@@ -65,7 +51,7 @@ def start(seed: int = 0) -> ddpg.AgentState:
     return init(jax.random.key(seed))._replace(target_actor=other.actor, target_critic=other.critic)
 
 
-def convinced(slope: float, seed: int = 0) -> ddpg.AgentState:
+def convinced(slope: float) -> ddpg.AgentState:
     """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``, on one unit per layer and no dropout."""
 
     def place(path, leaf):
@@ -77,7 +63,7 @@ def convinced(slope: float, seed: int = 0) -> ddpg.AgentState:
             return zero if "bias" in name else zero.at[:, 0, 0].set(1.0)
         return zero if "bias" in name else zero.at[:, 0, 0].set(slope)
 
-    state = start(seed)
+    state = start()
     critic = jax.tree_util.tree_map_with_path(place, state.critic)
     return state._replace(critic=critic, target_critic=critic)
 
@@ -85,10 +71,6 @@ def convinced(slope: float, seed: int = 0) -> ddpg.AgentState:
 def run(state, batch, config, key=KEY, teachers=(), **overrides):
     hyper = from_config(config, **overrides)
     return update(state, batch, key, config=config, hyper=hyper, step=STEP, teachers=teachers)
-
-
-def own_action(state, observation=None):
-    return ddpg.student(state.actor, jnp.ones(OBSERVATION) if observation is None else observation, config=FULL)
 
 
 def loop_draws(params, observation, actions, masks) -> np.ndarray:
@@ -126,7 +108,7 @@ def test_update_without_its_parts_is_ddpg():
 
 @pytest.mark.parametrize("estimator", ["paired", "gaussian"])
 def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
-    config, state, batch = change(estimator=estimator), start(), batch_of()
+    config, state, batch = dataclasses.replace(FULL, estimator=estimator), start(), batch_of()
     hyper = from_config(config)
     action = jnp.asarray(batch.action)
     advice = jnp.stack([jnp.full_like(action, 0.8), -action], axis=1)
@@ -155,7 +137,7 @@ def test_guidance_pulls_towards_a_teacher_unless_the_critic_is_against_it():
     advice = jnp.full((BATCH, ACTION), 0.8)
 
     def distance(state):
-        return float(np.square(own_action(state, batch.observation) - advice).sum(1).mean())
+        return float(np.square(student(state.actor, batch.observation) - advice).sum(1).mean())
 
     def train(slope, weight):
         state, metrics = run(convinced(slope), batch, FULL, teachers=(high,), guidance_weight=weight, **still)
@@ -212,7 +194,7 @@ def test_weight_zero_is_no_guidance():
 
 
 def test_behaviour_target_takes_the_better_action_under_the_online_critic():
-    config, batch = change(behaviour_target=True), batch_of()
+    config, batch = dataclasses.replace(FULL, behaviour_target=True), batch_of()
     state = convinced(1.0)._replace(target_critic=start(5).critic)  # only the online critic may choose
     pick = jax.jit(lambda s: srl.next_action(s, batch, (signed,), config=config))
     own = student(state.target_actor, batch.next_observation)
@@ -226,7 +208,7 @@ def test_behaviour_target_takes_the_better_action_under_the_online_critic():
 
 
 def test_behaviour_target_is_evaluated_by_the_target_critic():
-    config, batch = change(behaviour_target=True), batch_of()
+    config, batch = dataclasses.replace(FULL, behaviour_target=True), batch_of()
     state = convinced(1.0)._replace(target_critic=convinced(3.0).critic)
     up = batch.next_observation[:, 0] > 0
     own = student(state.target_actor, batch.next_observation).sum(1)
