@@ -2,7 +2,7 @@
 
     python -m experiments.figure3 --out docs/figure3.png
 
-Runs each task that has no finished run in `--runs` by the command line that anyone would use, then draws the three panels.
+Runs each task that has no finished run in `--runs` by the usual command line, then draws the three panels.
 """
 
 import subprocess

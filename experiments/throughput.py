@@ -2,9 +2,9 @@
 
     python -m experiments.throughput --lanes 12 60 120
 
-The limits are C MuJoCo stepping the same robot on the same cores (`mujoco.rollout`, one thread a core) and a square sgemm.
-A lane count is split evenly between DDPG and SRL. Acting and physics are timed by a chunk that does not learn; learning is
-what a training chunk takes beyond that. Every figure is the best of `repeats`, since neighbours only ever slow things down.
+The limits are C MuJoCo stepping the same robot on the same cores (`mujoco.rollout`, one thread a core) and a square
+sgemm. A lane count is split evenly between DDPG and SRL. Acting and physics are timed by a chunk that does not learn;
+learning is what a training chunk takes beyond that. Every figure is the best of `repeats`: noise only ever slows down.
 """
 
 import dataclasses

@@ -20,7 +20,8 @@ def manager(directory: Path) -> ocp.CheckpointManager:
 def save(keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally) -> None:
     """Starts saving at the state's clock; the program may go on at once.
 
-    What is saved is copied first: the next chunk writes into the state's own buffers. Replay rows not yet filled are left out.
+    What is saved is copied first, since the next chunk writes into the state's own buffers. Replay rows that are not
+    filled yet are left out.
     """
     step = int(state.clock)
     payload = _payload(state, lanes, tally, min(step, state.replay.rows.shape[1]))

@@ -41,7 +41,7 @@ class EnvConfig:
     observation: Literal["full", "onboard"] = "full"
     """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
     goal_ring: tuple[float, float] = (1.2, 1.6)
-    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start (a healthy robot reaches it)."""
+    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start; a healthy robot gets there."""
     goal_radius: float = 0.15
     """p2p: distance to the goal that counts as reached."""
     sparse_distance: float = 1.0
@@ -62,14 +62,14 @@ class EnvConfig:
 class TrainConfig:
     """How lanes collect and learn; one clock shared by all of them. Steps are environment steps of one lane."""
 
-    environments: int = 8
+    environments: int = 10
     """Environments a lane steps at once."""
     capacity: int = 50_000
     """Transitions a lane's replay holds."""
     warmup: int = 1_000
     """Environment steps before the first update."""
-    updates: int = 1
-    """Gradient updates after every vector step (of `environments` environment steps)."""
+    update_every: int = 2
+    """Vector steps (of `environments` environment steps) between two updates of the agents."""
     evaluate_every: int = 5_000
     """Environment steps between two evaluations of the student alone."""
     checkpoint_every: int = 25_000
@@ -78,7 +78,7 @@ class TrainConfig:
     """Healthy transitions of pi_B collected for cloning and for the prior replay."""
     clone_updates: int = 1_000
     """Gradient steps of behaviour cloning where the student starts from a scripted pi_B."""
-    physics_block: int = 8
+    physics_block: int = 6
     """Lanes whose physics is stepped together on a CPU (cache-sized); 0: all at once, as on a GPU."""
     update_block: int = 4
     """Lanes that learn together on a CPU (cache-sized); 0: all at once, as on a GPU."""
@@ -92,10 +92,12 @@ class DDPGConfig:
     """Hidden widths of actor and critic."""
     layer_norm: bool = True
     """LayerNorm after each hidden layer."""
-    critics: int = 3
+    critics: int = 2
     """Members of the critic ensemble; targets and actor use their mean."""
     batch: int = 128
     """Transitions in a mini-batch."""
+    critic_updates: int = 2
+    """Mini-batches the critic learns from in one update, to one of the actor."""
     critic_optimiser: Literal["adam", "rmsprop"] = "adam"
     actor_optimiser: Literal["adam", "rmsprop"] = "adam"
     init: Literal["random", "behaviour"] = "random"
@@ -197,7 +199,7 @@ class Config:
     steps: int = 50_000
     """Environment steps of each lane."""
     behaviour: str = "gait"
-    """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), or a finished run's directory."""
+    """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), or a finished run."""
     devices: str = "auto"
     """Devices the lanes are laid over: auto (one per core, or all accelerators) or a number."""
     memory_gb: float = 16.0

@@ -1,4 +1,4 @@
-"""The lane table: which algorithm x seed x damage x variant each row of the arrays is, and how rows lie over devices."""
+"""The lane table: which algorithm x seed x damage x variant a row of the arrays is, and how rows lie over devices."""
 
 import zlib
 from dataclasses import dataclass

@@ -7,34 +7,33 @@ from srl_jax import replay as replays
 from srl_jax.agents.ddpg import AgentState
 from srl_jax.agents.hyper import Hyper
 from srl_jax.blocks import blocked_map
+from srl_jax.config import DDPGConfig
 from srl_jax.state import LaneData, Program, Tally, TrainState, agent_module, bind_teachers
 
 
 def learn_rows(
     program: Program, lanes: LaneData, state: TrainState, tally: Tally, keys: jax.Array
 ) -> tuple[TrainState, Tally]:
-    """`config.train.updates` mini-batch updates of every lane's agent."""
+    """One update of every lane's agent."""
+    keys = jax.vmap(lambda k: jax.random.split(k, 3))(keys)
+    batches = sample_rows(program, state, keys[:, 0])
+    agents, losses, ok = dict(state.agents), dict(tally.losses), []
+    for algo, rows in program.layout.slices().items():
+        agents[algo], metrics, finite = learn_algo(program, algo, lanes, state, batches[rows], keys[rows, 1:])
+        losses[algo] = {k: losses[algo][k] + jnp.where(finite, metrics[k], 0.0) for k in losses[algo]}
+        ok.append(finite)
+    state = state._replace(agents=agents, alive=state.alive & jnp.concatenate(ok))
+    return state, tally._replace(losses=losses, updates=tally.updates + 1.0)
 
-    def once(i, carry):
-        state, tally = carry
-        update_keys = jax.vmap(lambda k: jax.random.split(jax.random.fold_in(k, i), 3))(keys)
-        batches = sample_rows(program, state, update_keys[:, 0])
-        agents, losses, ok = dict(state.agents), dict(tally.losses), []
-        for algo, rows in program.layout.slices().items():
-            agents[algo], metrics, finite = learn_algo(
-                program, algo, lanes, state, batches[rows], update_keys[rows, 1:]
-            )
-            losses[algo] = {k: losses[algo][k] + jnp.where(finite, metrics[k], 0.0) for k in losses[algo]}
-            ok.append(finite)
-        state = state._replace(agents=agents, alive=state.alive & jnp.concatenate(ok))
-        return state, tally._replace(losses=losses, updates=tally.updates + 1.0)
 
-    return jax.lax.fori_loop(0, program.config.train.updates, once, (state, tally))
+def batch_size(config: DDPGConfig) -> int:
+    """Transitions that one update of an agent takes."""
+    return config.batch * config.critic_updates
 
 
 def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Array:
     """Packed mini-batches f32[R, B, W] of all rows by one gather; B is the largest batch of any algorithm."""
-    size = max(program.agent_config(algo).batch for algo, _ in program.layout.counts)
+    size = max(batch_size(program.agent_config(algo)) for algo, _ in program.layout.counts)
     filled = jnp.minimum(state.clock, state.replay.rows.shape[1])
     index = jax.vmap(lambda k: jax.random.randint(k, (size,), 0, filled))(keys)
     return jax.vmap(lambda rows, i: rows[i])(state.replay.rows, index)
@@ -52,7 +51,7 @@ def learn_algo(
         agent, batch, key, hyper, teacher_params, alive = args
         new, metrics = agent_module(config).update(
             agent,
-            replays.unpack(batch[: config.batch], observation_size),
+            replays.unpack(batch[: batch_size(config)], observation_size),
             key,
             config=config,
             hyper=hyper,

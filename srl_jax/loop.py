@@ -213,7 +213,7 @@ class _Run:
     def show(self, phase: str, step: int) -> None:
         lanes, train = len(self.plan.lanes), self.config.train
         rate = lanes * self.trained / self.seconds if self.seconds else 0.0
-        updates = rate * train.updates / train.environments
+        updates = rate / (train.environments * train.update_every)
         self.listener(Progress(phase, step, self.config.steps, self.seconds, rate, updates, self.latest))
 
     def summarise(self, data: report.RunData) -> dict[str, Any]:
@@ -227,7 +227,7 @@ class _Run:
                 "compile_seconds": round(self.engine.compile_seconds, 1),
                 "environment_steps_per_second": round(rate),
                 "physics_steps_per_second": round(rate * SUBSTEPS),
-                "updates_per_second": round(rate * self.config.train.updates / self.config.train.environments),
+                "updates_per_second": round(rate / (self.config.train.environments * self.config.train.update_every)),
                 "peak_memory_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
             }
         }

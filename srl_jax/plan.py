@@ -84,7 +84,7 @@ def check_numbers(config: Config) -> None:
         "steps": config.steps,
         "env.episode_steps": env.episode_steps,
     }
-    positive |= {"train.evaluate_every": train.evaluate_every, "train.updates": train.updates}
+    positive |= {"train.evaluate_every": train.evaluate_every, "train.update_every": train.update_every}
     for name, value in positive.items():
         if value < 1:
             raise ValueError(f"{name} is {value}: it must be at least 1.")
@@ -128,8 +128,11 @@ def check_agent(algo: str, config) -> None:
         raise ValueError(
             f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
         )
-    if getattr(config, "draws", config.critics) % config.critics:
-        raise ValueError(f"{algo}.draws is {config.draws}: it must be a multiple of {algo}.critics={config.critics}.")
+    draws = getattr(config, "draws", config.critics)
+    if draws < 1 or draws % config.critics:
+        raise ValueError(f"{algo}.draws is {draws}: it must be a positive multiple of {algo}.critics={config.critics}.")
+    if config.critic_updates < 1:
+        raise ValueError(f"{algo}.critic_updates is {config.critic_updates}: it must be at least 1.")
     for name, (low, high) in RANGES.items():
         for value in getattr(config, name, ()):
             if not low <= value <= high:

@@ -26,7 +26,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def tiny():
-    """A configuration as small as it can be with every part of SRL switched on: 2 seeds of DDPG and SRL, one lost leg."""
+    """As small as it can be with every part of SRL switched on: 2 seeds of DDPG and SRL, one lost leg."""
     from srl_jax.config import TrainConfig, preset
 
     base = preset("smoke")

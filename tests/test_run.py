@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -126,8 +127,6 @@ def test_resuming_what_is_no_run(capsys, monkeypatch, tmp_path):
 
 
 def test_a_truncated_checkpoint_is_one_sentence(finished, capsys, monkeypatch, tmp_path):
-    import shutil
-
     copy = shutil.copytree(finished[0], tmp_path / "copy")
     for path in (copy / "checkpoints").rglob("*"):
         if path.is_file() and path.stat().st_size > 1_000:
@@ -144,6 +143,13 @@ def test_a_full_disk_is_one_sentence(capsys, monkeypatch, tmp_path):
 
 
 def test_help_answers_without_jax():
-    code = "import sys; from srl_jax import run; sys.argv = ['x', '--help']\ntry: run.main()\nexcept SystemExit: pass\nassert 'jax' not in sys.modules"
+    code = """
+import sys
+from srl_jax import run
+try:
+    run.main(["--help"])
+except SystemExit:
+    assert "jax" not in sys.modules
+"""
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "--damage-schedule" in printed and "--srl.dropout" in printed

@@ -164,12 +164,48 @@ def actor_step(
     return state._replace(actor=descend(state.actor, direction, rate), actor_optimiser=opt), metrics
 
 
-def track(state: AgentState, *, hyper: Hyper) -> AgentState:
-    """Soft update of both targets: ``target <- (1 - tau) target + tau online``."""
-    return state._replace(
-        target_actor=optax.incremental_update(state.actor, state.target_actor, hyper.tau),
-        target_critic=optax.incremental_update(state.critic, state.target_critic, hyper.tau),
-    )
+def track(online: Params, target: Params, *, hyper: Hyper) -> Params:
+    """Soft update ``target <- (1 - tau) target + tau online``."""
+    return optax.incremental_update(online, target, hyper.tau)
+
+
+def learn_critic(
+    state: AgentState,
+    batch: Transition,
+    key: jax.Array,
+    step: Callable[[AgentState, Transition, jax.Array], tuple[AgentState, Metrics]],
+    *,
+    config: DDPGConfig,
+    hyper: Hyper,
+) -> tuple[AgentState, Metrics]:
+    """``step(state, mini_batch, key)`` on each of `config.critic_updates` parts of the batch; the target follows.
+
+    Args:
+        state: networks and optimisers.
+        batch: transitions with a leading axis ``critic_updates * B``.
+        key: random key.
+        step: one descent step of the critic.
+        config: static settings.
+        hyper: numeric settings.
+
+    Returns:
+        The new state, and its metrics averaged over the steps.
+    """
+    count = config.critic_updates
+
+    def once(state: AgentState, part: tuple[Transition, jax.Array]) -> tuple[AgentState, Metrics]:
+        state, metrics = step(state, *part)
+        return state._replace(target_critic=track(state.critic, state.target_critic, hyper=hyper)), metrics
+
+    parts = jax.tree.map(lambda x: x.reshape(count, -1, *x.shape[1:]), batch)
+    state, metrics = jax.lax.scan(once, state, (parts, jax.random.split(key, count)))
+    return state, jax.tree.map(jnp.mean, metrics)
+
+
+def last_part(batch: Transition, config: DDPGConfig) -> Transition:
+    """The mini-batch B that the actor learns from: the last of the critic's."""
+    size = batch.reward.shape[0] // config.critic_updates
+    return jax.tree.map(lambda x: x[-size:], batch)
 
 
 def update(
@@ -182,12 +218,12 @@ def update(
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
 ) -> tuple[AgentState, Metrics]:
-    """One update of critic, actor and targets from a mini-batch (Lillicrap et al. 2016, Alg. 1).
+    """One update of critic, actor and targets (Lillicrap et al. 2016, Alg. 1).
 
     Args:
         state: networks and optimisers.
-        batch: transitions with a leading axis B.
-        key: unused; every agent's update has this shape.
+        batch: transitions with a leading axis ``critic_updates * B``, one mini-batch for each step of the critic.
+        key: random key.
         config: static settings.
         hyper: numeric settings.
         step: f32[] environment steps taken so far by the lane.
@@ -196,21 +232,28 @@ def update(
     Returns:
         The new state and scalar metrics ``critic_loss``, ``q``.
     """
-    del key, teachers
-    next_action = student(state.target_actor, batch.next_observation, config=config)
-    target = td_target(state, batch, next_action, config=config, hyper=hyper)
+    del teachers
 
-    def critic_loss(params: Params) -> tuple[jax.Array, Metrics]:
-        error = ensemble_q(params, batch.observation, batch.action, config=config) - target[None]
-        loss = jnp.mean(jnp.square(error), axis=1).sum()  # members do not share parameters: a sum, not a mean
-        return loss, {"critic_loss": loss / config.critics}
+    def descend_critic(state: AgentState, part: Transition, key: jax.Array) -> tuple[AgentState, Metrics]:
+        del key
+        next_action = student(state.target_actor, part.next_observation, config=config)
+        target = td_target(state, part, next_action, config=config, hyper=hyper)
+
+        def loss(params: Params) -> tuple[jax.Array, Metrics]:
+            error = ensemble_q(params, part.observation, part.action, config=config) - target[None]
+            total = jnp.mean(jnp.square(error), axis=1).sum()  # members share no parameters: a sum, not a mean
+            return total, {"critic_loss": total / config.critics}
+
+        return critic_step(state, loss, config=config, hyper=hyper)
+
+    state, critic_metrics = learn_critic(state, batch, key, descend_critic, config=config, hyper=hyper)
+    observation = last_part(batch, config).observation
 
     def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
-        action = student(params, batch.observation, config=config)
-        q = jnp.mean(ensemble_q(critic, batch.observation, action, config=config))
+        action = student(params, observation, config=config)
+        q = jnp.mean(ensemble_q(state.critic, observation, action, config=config))
         return -q, {"q": q}
 
-    state, critic_metrics = critic_step(state, critic_loss, config=config, hyper=hyper)
-    critic = state.critic
     state, actor_metrics = actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
-    return track(state, hyper=hyper), critic_metrics | actor_metrics
+    target_actor = track(state.actor, state.target_actor, hyper=hyper)
+    return state._replace(target_actor=target_actor), critic_metrics | actor_metrics

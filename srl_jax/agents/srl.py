@@ -1,8 +1,8 @@
 """Survivable robotic learning (Raza et al. 2021): DDPG whose critic is a posterior that weighs pi_B's advice.
 
 Parts as in the paper: proposals and Thompson's sample with commitment (`act`), the posterior's likelihood
-(`critic_loss`), the behaviour target (`next_action`) and guidance of the actor's gradient (`actor_loss`). The start from
-pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
+(`critic_loss`), the behaviour target (`next_action`) and guidance of the actor's gradient (`guidance`). The start
+from pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ def act(
 ) -> tuple[jax.Array, ActState]:
     """Thompson's choice among the proposals, held to by the controller, plus exploration noise (Alg. 1).
 
-    Arguments and results as `ddpg.act`; ``guidance.choice`` of the new act_state is 0 for the student, 1.. for teachers.
+    Arguments and results as `ddpg.act`; ``guidance.choice`` of the result is 0 for the student, 1.. for teachers.
     """
     mask_key, select_key, noise_key = jax.random.split(key, 3)
     actions = proposals(state.actor, observation, teachers, config=config)
@@ -165,7 +165,7 @@ def update(
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
 ) -> tuple[AgentState, Metrics]:
-    """One update of posterior, actor and targets from a mini-batch; arguments as `ddpg.update`.
+    """One update of posterior, actor and targets; arguments as `ddpg.update`.
 
     The actor descends ``-mean_k Q_k(s, pi(s)) + g p_guid(s) ||pi(s) - pi_B(s)||^2`` (Sec. "Partially Guidance").
 
@@ -173,29 +173,29 @@ def update(
         The new state and scalar metrics ``critic_loss``, ``q``, ``p_guid``.
     """
     critic_key, guidance_key = jax.random.split(key)
-    chosen = next_action(state, batch, teachers, config=config)
-    target = ddpg.td_target(state, batch, chosen, config=config, hyper=hyper)
-    state, critic_metrics = ddpg.critic_step(
-        state,
-        lambda params: critic_loss(params, batch, target, critic_key, config=config, hyper=hyper),
-        config=config,
-        hyper=hyper,
-    )
-    critic = state.critic
+
+    def descend_critic(state: AgentState, part: Transition, key: jax.Array) -> tuple[AgentState, Metrics]:
+        chosen = next_action(state, part, teachers, config=config)
+        target = ddpg.td_target(state, part, chosen, config=config, hyper=hyper)
+        loss = lambda params: critic_loss(params, part, target, key, config=config, hyper=hyper)  # noqa: E731
+        return ddpg.critic_step(state, loss, config=config, hyper=hyper)
+
+    state, critic_metrics = ddpg.learn_critic(state, batch, critic_key, descend_critic, config=config, hyper=hyper)
+    seen = ddpg.last_part(batch, config)
     guided = bool(teachers) and any(weight > 0.0 for weight in config.guidance_weight)
 
     def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
-        action = student(params, batch.observation, config=config)
-        q = jnp.mean(ddpg.ensemble_q(critic, batch.observation, action, config=config))
+        action = student(params, seen.observation, config=config)
+        q = jnp.mean(ddpg.ensemble_q(state.critic, seen.observation, action, config=config))
         if not guided:
             return -q, {"q": q, "p_guid": jnp.zeros(())}
-        advice = jnp.stack([jax.vmap(teacher)(batch.observation) for teacher in teachers], axis=1)
-        p_guid = guidance(
-            critic, batch, jax.lax.stop_gradient(action), advice, guidance_key, config=config, hyper=hyper
-        )
+        advice = jnp.stack([jax.vmap(teacher)(seen.observation) for teacher in teachers], axis=1)
+        own = jax.lax.stop_gradient(action)
+        p_guid = guidance(state.critic, seen, own, advice, guidance_key, config=config, hyper=hyper)
         distance = jnp.sum(jnp.square(action[:, None] - advice), axis=-1)
         pull = hyper.guidance_weight * jnp.mean(p_guid * distance)
         return pull - q, {"q": q, "p_guid": jnp.mean(p_guid)}
 
     state, actor_metrics = ddpg.actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
-    return ddpg.track(state, hyper=hyper), critic_metrics | actor_metrics
+    target_actor = ddpg.track(state.actor, state.target_actor, hyper=hyper)
+    return state._replace(target_actor=target_actor), critic_metrics | actor_metrics

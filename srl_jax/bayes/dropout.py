@@ -1,6 +1,6 @@
 """A posterior over critics: an ensemble of networks, each under explicit dropout masks.
 
-A posterior sample is (member, one mask per hidden layer), drawn once and applied to every action that is compared, after
+A posterior sample is (member, one mask per hidden layer), drawn once for every action that is compared, after
 Gal & Ghahramani (2016) for the masks and Lakshminarayanan et al. (2017) for the members.
 """
 

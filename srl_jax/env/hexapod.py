@@ -157,9 +157,9 @@ def rotation(quaternion: jax.Array) -> jax.Array:
 def observe(robot: Hexapod, state: EnvState) -> jax.Array:
     """The observation f32[O], components of order one.
 
-    First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2), and
-    for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18). A `full`
-    observation adds base velocities (3 + 3), joint velocities (18) and torso height (1), which the real robot lacks.
+    First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
+    and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
+    A `full` observation adds base velocities (3 + 3), joint velocities (18) and torso height (1), which the real robot lacks.
     """
     frame = rotation(state.qpos[3:7])
     angle = 2.0 * jnp.pi * state.phase

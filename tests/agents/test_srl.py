@@ -15,7 +15,9 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
-SHARED = dict(hidden=(8, 8), layer_norm=False, critics=2, freeze=(0.0,), actor_lr=(1e-2,), critic_lr=(1e-2,))
+SHARED = dict(
+    critic_updates=1, hidden=(8, 8), layer_norm=False, critics=2, freeze=(0.0,), actor_lr=(1e-2,), critic_lr=(1e-2,)
+)
 BASELINE = DDPGConfig(**SHARED)
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF = SRLConfig(**SHARED, select=False, guidance_weight=(0.0,), bootstrap=(1.0,), weight_decay=(0.0,))
