@@ -24,7 +24,7 @@ def save(keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tall
     filled yet are left out.
     """
     step = int(state.clock)
-    payload = _payload(state, lanes, tally, min(step, state.replay.rows.shape[1]))
+    payload = _payload(state, lanes, tally, _filled(state, step))
     students = {algo: agent.actor for algo, agent in state.agents.items()}
     payload, students = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, students))
     items = ocp.args.Composite(state=ocp.args.StandardSave(payload), students=ocp.args.StandardSave(students))
@@ -42,7 +42,7 @@ def restore(
     step = keeper.latest_step()
     if step is None:
         return None
-    filled = min(step, state.replay.rows.shape[1])
+    filled = _filled(state, step)
     wanted = jax.tree.map(ocp.utils.to_shape_dtype_struct, _payload(state, lanes, tally, filled))
     found = _read(keeper, step, state=ocp.args.StandardRestore(wanted))["state"]
     train_state: TrainState = found["state"]
@@ -64,6 +64,11 @@ def students(directory: Path) -> dict[str, Any]:
         if step is None:
             raise ValueError(f"{directory} holds no complete checkpoint: a finished run has one.")
         return _read(keeper, step, students=ocp.args.StandardRestore())["students"]
+
+
+def _filled(state: TrainState, step: int) -> int:
+    """Replay rows worth keeping; at least one, since an empty array cannot be stored."""
+    return min(max(step, 1), state.replay.rows.shape[1])
 
 
 def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> dict[str, Any]:

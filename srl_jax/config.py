@@ -41,7 +41,7 @@ class EnvConfig:
     observation: Literal["full", "onboard"] = "full"
     """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
     goal_ring: tuple[float, float] = (1.2, 1.6)
-    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start; a healthy robot gets there."""
+    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15
     """p2p: distance to the goal that counts as reached."""
     sparse_distance: float = 1.0
@@ -68,7 +68,7 @@ class TrainConfig:
     """Transitions a lane's replay holds."""
     warmup: int = 1_000
     """Environment steps before the first update."""
-    update_every: int = 2
+    update_every: int = 1
     """Vector steps (of `environments` environment steps) between two updates of the agents."""
     evaluate_every: int = 5_000
     """Environment steps between two evaluations of the student alone."""
@@ -94,7 +94,7 @@ class DDPGConfig:
     """LayerNorm after each hidden layer."""
     critics: int = 2
     """Members of the critic ensemble; targets and actor use their mean."""
-    batch: int = 128
+    batch: int = 64
     """Transitions in a mini-batch."""
     critic_updates: int = 2
     """Mini-batches the critic learns from in one update, to one of the actor."""
@@ -106,7 +106,7 @@ class DDPGConfig:
     critic_lr: Sweep = (1e-3,)
     gamma: Sweep = (0.97,)
     """Discount."""
-    tau: Sweep = (0.01,)
+    tau: Sweep = (0.05,)
     """Rate of the target networks' soft update."""
     noise: Sweep = (0.25,)
     """Standard deviation of the exploration noise at the start."""
@@ -118,6 +118,13 @@ class DDPGConfig:
     """Correlation of the noise from step to step; 0 is white."""
     freeze: Sweep = (4_000.0,)
     """Environment steps before the actor's first update, so that the critic has something to say."""
+
+    def __post_init__(self) -> None:
+        """A single number stands for a sweep of one value."""
+        for entry in dataclasses.fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(entry.default, tuple) and isinstance(value, float):
+                object.__setattr__(self, entry.name, (value,))
 
 
 @dataclass(frozen=True)
@@ -141,6 +148,8 @@ class SRLConfig(DDPGConfig):
     """One posterior sample judges all proposals; off: independent masks per proposal (AC-Teach)."""
     draws: int = 12
     """Posterior samples per decision (a multiple of critics)."""
+    guidance_draws: int = 4
+    """Posterior samples that weigh the guidance at every state of a mini-batch (a multiple of critics)."""
     critic_loss: Literal["td", "alpha"] = "td"
     """td: squared error; alpha: AC-Teach's alpha-divergence over dropout samples."""
     dropout_update: bool = False
@@ -152,7 +161,7 @@ class SRLConfig(DDPGConfig):
     beta: Sweep = (0.6,)
     """Posterior probability needed to switch; decays with psi per refusal."""
     psi: Sweep = (0.99,)
-    guidance_weight: Sweep = (1.0,)
+    guidance_weight: Sweep = (4.0,)
     """Weight of the pull towards pi_B in the actor's loss, where the posterior favours pi_B; 0: off."""
     prior_fraction: Sweep = (0.0,)
     """Fraction of the mini-batch from healthy transitions at the start; decays linearly to 0."""
@@ -217,6 +226,7 @@ def _paper(config: DDPGConfig) -> DDPGConfig:
         config,
         hidden=(1200, 1200, 1200, 1200, 600),
         critics=1,
+        critic_updates=1,
         batch=300,
         actor_optimiser="rmsprop",
         actor_lr=(3e-2,),
@@ -234,8 +244,14 @@ def preset(name: str) -> Config:
         agents = {algo: _paper(getattr(base, algo)) for algo in ALGORITHMS}
         agents["srl"] = dataclasses.replace(agents["srl"], dropout=(0.1,), dropout_update=True)
         env = dataclasses.replace(base.env, episode_steps=2500)
-        train = dataclasses.replace(base.train, capacity=1600, environments=1, evaluate_every=175_000)
-        train = dataclasses.replace(train, checkpoint_every=175_000)
+        train = TrainConfig(
+            environments=1,
+            capacity=1_600,
+            update_every=1,
+            evaluate_every=175_000,
+            checkpoint_every=175_000,
+            prior_steps=1_600,
+        )
         return dataclasses.replace(base, steps=7000 * 2500, env=env, train=train, **agents)
     if name == "smoke":
         train = TrainConfig(

@@ -45,11 +45,12 @@ class Engine:
     def chunk(self, state: TrainState, lanes: LaneData, mode: Mode, steps: int) -> tuple[TrainState, Tally]:
         """Advances every lane by `steps` vector steps; compiles at the first call. `state` is donated."""
         args = (state, lanes, *on_all(self.program, (mode, jnp.int32(steps))))
-        if self._compiled is None:
+        compiled = self._compiled
+        if compiled is None:
             start = time.perf_counter()
-            self._compiled = self._chunk.lower(*args).compile()
+            compiled = self._compiled = self._chunk.lower(*args).compile()
             self.compile_seconds = time.perf_counter() - start
-        return self._compiled(*args)
+        return compiled(*args)
 
     def new_world(self, lanes: LaneData) -> World:
         """Robots at the start of an episode, by the rows' keys and damage."""

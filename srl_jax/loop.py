@@ -145,7 +145,7 @@ class _Run:
             self.set_damage(int(state.clock))
             return state, tally
         self.metrics = output.Metrics(self.directory)
-        self.show("compiling", 0)
+        self.show("compiling, then following pi_B", 0)
         healthy = engine.with_damage(self.program, self.lanes, ["healthy"] * len(self.layout.rows))
         prior = healthy._replace(key=engine.stream_keys(self.program, "prior"))
         state, self.lanes = start.from_behaviour(self.engine, state, self.lanes, prior, self.network)

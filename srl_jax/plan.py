@@ -128,9 +128,10 @@ def check_agent(algo: str, config) -> None:
         raise ValueError(
             f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
         )
-    draws = getattr(config, "draws", config.critics)
-    if draws < 1 or draws % config.critics:
-        raise ValueError(f"{algo}.draws is {draws}: it must be a positive multiple of {algo}.critics={config.critics}.")
+    for name in ("draws", "guidance_draws"):
+        draws = getattr(config, name, config.critics)
+        if draws < 1 or draws % config.critics:
+            raise ValueError(f"{algo}.{name} is {draws}: it must be a positive multiple of critics={config.critics}.")
     if config.critic_updates < 1:
         raise ValueError(f"{algo}.critic_updates is {config.critic_updates}: it must be at least 1.")
     for name, (low, high) in RANGES.items():

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 
@@ -53,6 +54,7 @@ def add(replay: Replay, transition: Transition, at: jax.Array) -> Replay:
         at: i32[] number of rows ever written, a multiple of E; wraps around at C.
     """
     new = pack(transition)
+    chex.assert_equal(new.shape[1:], replay.rows.shape[1:])
     start = at % replay.rows.shape[0]
     return Replay(jax.lax.dynamic_update_slice_in_dim(replay.rows, new, start, axis=0))
 

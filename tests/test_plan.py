@@ -24,6 +24,11 @@ def test_seeds(text, seeds):
     assert plan.parse_seeds(text) == seeds
 
 
+@pytest.mark.parametrize("name", ["default", "paper", "smoke"])
+def test_presets_are_possible(name):
+    assert plan.make(preset(name)).lanes
+
+
 def test_swept_values_add_lanes():
     swept = config(seeds="2", damage="leg_rm", srl=SRLConfig(dropout=(0.03, 0.1), beta=(0.5, 0.6)))
     lanes = plan.make(swept).lanes

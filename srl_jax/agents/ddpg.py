@@ -6,6 +6,7 @@ The pieces of its update (`critic_step`, `actor_step`, `track`) are what the oth
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 import optax
@@ -192,6 +193,8 @@ def learn_critic(
         The new state, and its metrics averaged over the steps.
     """
     count = config.critic_updates
+    chex.assert_equal_shape_prefix(batch, 1)
+    chex.assert_is_divisible(batch.reward.shape[0], count)
 
     def once(state: AgentState, part: tuple[Transition, jax.Array]) -> tuple[AgentState, Metrics]:
         state, metrics = step(state, *part)

@@ -144,7 +144,8 @@ def guidance(
     Returns:
         f32[B, N], without gradient.
     """
-    masks = dropout.sample_masks(key, config.hidden, (config.critics, 2), hyper.dropout)
+    shape = (config.critics, config.guidance_draws // config.critics)
+    masks = dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
     def at_state(observation: jax.Array, own: jax.Array, others: jax.Array) -> jax.Array:
         actions = jnp.concatenate([own[None], others])

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 
@@ -48,6 +49,7 @@ def select(
     Returns:
         The new state and the index i32[] of the policy that acts.
     """
+    chex.assert_rank(draws, 2)
     proposed = thompson.choose(draws, key)
     new, old = (proposed, state.choice) if switch_rule == "corrected" else (state.choice, proposed)
     probability = thompson.probability_better(draws, new, old, estimator)

@@ -6,6 +6,7 @@ Gal & Ghahramani (2016) for the masks and Lakshminarayanan et al. (2017) for the
 
 from collections.abc import Callable, Sequence
 
+import chex
 import jax
 import jax.numpy as jnp
 
@@ -48,6 +49,7 @@ def q_draws(critic: Critic, params: Params, observation: jax.Array, actions: jax
     Returns:
         f32[K * J, N]; row m is one posterior sample, ordered so that consecutive rows change the member first.
     """
+    chex.assert_rank([observation, actions], [1, 2])
     own_masks = masks[0].ndim == 4
     over_actions = jax.vmap(critic, (None, None, 0, 0 if own_masks else None))
     over_masks = jax.vmap(over_actions, (None, None, None, 0))

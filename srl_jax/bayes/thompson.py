@@ -33,12 +33,15 @@ def gaussian_probability(difference: jax.Array) -> jax.Array:
     return jnp.where(certain, 0.5 * (1.0 + jnp.sign(mean)), 1.0 - posterior.cdf(jnp.zeros_like(mean)))
 
 
-def probability_better(draws: jax.Array, i: jax.Array, j: jax.Array, estimator: str = "paired") -> jax.Array:
+def probability_better(
+    draws: jax.Array, i: jax.Array | int, j: jax.Array | int, estimator: str = "paired"
+) -> jax.Array:
     """Posterior probability that action i is better than action j, over the same samples for both.
 
     Args:
         draws: f32[M, N].
-        i, j: i32[] indices into N.
+        i: i32[] index into N.
+        j: i32[] index into N.
         estimator: ``paired`` counts the samples, ``gaussian`` fits a normal to the differences.
 
     Returns:

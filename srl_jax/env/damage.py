@@ -109,7 +109,7 @@ def task_set(task: str) -> tuple[str, ...]:
 
 
 def parse_names(text: str, task: str) -> tuple[str, ...]:
-    """Canonical names for a command line: ``task`` (`task_set`), ``all`` (`catalogue`), or a comma list.
+    """Canonical names for a command line: ``task`` (`task_set`), ``all`` (`catalogue`), ``losses21``, or a comma list.
 
     Raises:
         ValueError: for a bad name, an unknown task, or a damage given twice.
@@ -118,6 +118,8 @@ def parse_names(text: str, task: str) -> tuple[str, ...]:
         return task_set(task)
     if text.strip() == "all":
         return catalogue()
+    if text.strip() == "losses21":
+        return losses21()
     names = tuple(canonical(name) for name in text.split(","))
     for name in names:
         if names.count(name) > 1:

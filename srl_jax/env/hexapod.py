@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from srl_jax.config import EnvConfig
+from srl_jax.config import TASKS, EnvConfig
 from srl_jax.env import damage as damages
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
@@ -60,8 +60,8 @@ def make(task: str, config: EnvConfig, clock_hz: float) -> Hexapod:
     Raises:
         ValueError: unknown task.
     """
-    if task not in ("x", "xy", "p2p"):
-        raise ValueError(f"task is {task!r}: choose x, xy or p2p.")
+    if task not in TASKS:
+        raise ValueError(f"task is {task!r}: choose one of {', '.join(TASKS)}.")
     c_model = load_model()
     model = put_model(c_model)
     return Hexapod(model, mjx.make_data(c_model), jnp.asarray(stance(c_model), jnp.float32), task, config, clock_hz)
@@ -159,7 +159,7 @@ def observe(robot: Hexapod, state: EnvState) -> jax.Array:
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
-    A `full` observation adds base velocities (3 + 3), joint velocities (18) and torso height (1), which the real robot lacks.
+    A `full` observation adds base velocities (3 + 3), joint velocities (18) and torso height (1): the robot lacks these.
     """
     frame = rotation(state.qpos[3:7])
     angle = 2.0 * jnp.pi * state.phase
