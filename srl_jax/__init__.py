@@ -10,6 +10,10 @@ The public modules, imported on first use, so that the command line can set devi
 
 from importlib import import_module
 from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from srl_jax import agents, bayes, config, env, evaluate, replay, train
 
 __version__ = "0.1.0"
 __all__ = ["agents", "bayes", "config", "env", "evaluate", "replay", "train"]

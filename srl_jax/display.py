@@ -1,6 +1,7 @@
 """The progress of a run on a terminal, or as plain lines in a file, and the table at its end."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from srl_jax.loop import Progress as Status
+from srl_jax.plot import format_table
 
 
 class Display:
@@ -51,13 +53,7 @@ class Display:
 
     def closing(self, summary: dict[str, Any]) -> None:
         """The table of results, and where the files lie."""
-        from srl_jax.report import format_table
-
-        header, *rows = format_table(summary)
-        table = Table(*header, box=None, pad_edge=False)
-        for row in rows:
-            table.add_row(*row)
-        self.console.print(table)
+        self.console.print(results(summary))
         machine = summary["machine"]
         self.console.print(
             f"{machine['lanes']} lanes, {machine['training_seconds']:.0f} s of training, "
@@ -67,6 +63,15 @@ class Display:
         for lane in summary.get("nonfinite_lanes", []):
             self.console.print(f"Lane {lane} met a number that is not finite and was frozen.")
         self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
+
+
+def results(summary: Mapping[str, Any]) -> Table:
+    """The table of methods of a summary."""
+    header, *rows = format_table(summary)
+    table = Table(*header, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def latest(status: Status) -> str:

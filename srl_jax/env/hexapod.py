@@ -159,7 +159,7 @@ def observe(robot: Hexapod, state: EnvState) -> jax.Array:
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
-    A `full` observation adds base velocities (3 + 3), joint velocities (18) and torso height (1): the robot lacks these.
+    A `full` observation adds base velocities (3 + 3), joint velocities (18) and height (1), which the robot lacks.
     """
     frame = rotation(state.qpos[3:7])
     angle = 2.0 * jnp.pi * state.phase
