@@ -68,7 +68,7 @@ class TrainConfig:
     """Transitions a lane's replay holds."""
     warmup: int = 1_000
     """Environment steps before the first update."""
-    update_every: int = 1
+    update_every: int = 2
     """Vector steps (of `environments` environment steps) between two updates of the agents."""
     evaluate_every: int = 5_000
     """Environment steps between two evaluations of the student alone."""
@@ -94,7 +94,7 @@ class DDPGConfig:
     """LayerNorm after each hidden layer."""
     critics: int = 2
     """Members of the critic ensemble; targets and actor use their mean."""
-    batch: int = 64
+    batch: int = 128
     """Transitions in a mini-batch."""
     critic_updates: int = 2
     """Mini-batches the critic learns from in one update, to one of the actor."""
@@ -116,7 +116,7 @@ class DDPGConfig:
     """Standard deviation below which the noise does not fall."""
     noise_correlation: Sweep = (0.85,)
     """Correlation of the noise from step to step; 0 is white."""
-    freeze: Sweep = (4_000.0,)
+    freeze: Sweep = (2_000.0,)
     """Environment steps before the actor's first update, so that the critic has something to say."""
 
     def __post_init__(self) -> None:
@@ -161,7 +161,7 @@ class SRLConfig(DDPGConfig):
     beta: Sweep = (0.6,)
     """Posterior probability needed to switch; decays with psi per refusal."""
     psi: Sweep = (0.99,)
-    guidance_weight: Sweep = (4.0,)
+    guidance_weight: Sweep = (10.0,)
     """Weight of the pull towards pi_B in the actor's loss, where the posterior favours pi_B; 0: off."""
     prior_fraction: Sweep = (0.0,)
     """Fraction of the mini-batch from healthy transitions at the start; decays linearly to 0."""
