@@ -17,16 +17,19 @@ def manager(directory: Path) -> ocp.CheckpointManager:
     return ocp.CheckpointManager(directory.absolute(), options=options)
 
 
-def save(keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally) -> None:
+def save(
+    keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally, *, last: bool = False
+) -> None:
     """Starts saving at the state's clock; the program may go on at once.
 
-    What is saved is copied first, since the next chunk writes into the state's own buffers. Replay rows that are not
-    filled yet are left out.
+    What is saved is copied first, since the next chunk writes into the state's own buffers; after the `last` chunk
+    nothing does, and the memory is spared. Replay rows that are not filled yet are left out.
     """
     step = int(state.clock)
     payload = _payload(state, lanes, tally, _filled(state, step))
     students = {algo: agent.actor for algo, agent in state.agents.items()}
-    payload, students = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, students))
+    if not last:
+        payload, students = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, students))
     items = ocp.args.Composite(state=ocp.args.StandardSave(payload), students=ocp.args.StandardSave(students))
     keeper.save(step, args=items)
 
@@ -72,8 +75,9 @@ def _filled(state: TrainState, step: int) -> int:
 
 
 def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> dict[str, Any]:
-    filled_rows = Replay(state.replay.rows[:, :filled])
-    return {"state": state._replace(replay=filled_rows), "prior": lanes.prior, "tally": tally}
+    rows = state.replay.rows
+    kept = Replay(rows if filled == rows.shape[1] else rows[:, :filled])  # a slice is a copy
+    return {"state": state._replace(replay=kept), "prior": lanes.prior, "tally": tally}
 
 
 def _read(keeper: ocp.CheckpointManager, step: int, **items: ocp.args.StandardRestore) -> Any:

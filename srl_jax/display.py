@@ -61,7 +61,8 @@ class Display:
             f"compiled in {machine['compile_seconds']:.0f} s, peak {machine['peak_memory_gib']} GiB"
         )
         for lane in summary.get("nonfinite_lanes", []):
-            self.console.print(f"Lane {lane} met a number that is not finite and was frozen.")
+            name = f"{lane['algo']} {lane['variant']} seed {lane['seed']} {lane['damage']}"
+            self.console.print(f"Lane {lane['lane']} ({name}) met a number that is not finite and was frozen.")
         self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
 
 

@@ -112,19 +112,25 @@ def empty_tally(program: Program) -> Tally:
 
 
 def means(program: Program, tally: Tally, training: bool) -> list[dict[str, float]]:
-    """A tally's means, row by row: per episode, and in training also per step and per update."""
+    """A tally's means, row by row: per episode, and in training also per step and per update; NaN of nothing."""
+    sums = [tally.totals, *([tally.rates] if training else [])]
+    counts = [tally.episodes, tally.steps]
     position = {algo: 0 for algo, _ in program.layout.counts}
     result = []
     for row, lane in enumerate(program.layout.rows):
-        index = position[lane.algo]
-        position[lane.algo] += 1
-        values = {name: total[row] / tally.episodes[row] for name, total in tally.totals.items() if tally.episodes[row]}
+        values = {}
+        for found, count in zip(sums, counts, strict=False):
+            values |= {name: _mean(total[row], count[row]) for name, total in found.items()}
         if training:
-            values |= {name: rate[row] / tally.steps[row] for name, rate in tally.rates.items() if tally.steps[row]}
-            losses = tally.losses[lane.algo]
-            values |= {name: loss[index] / tally.updates for name, loss in losses.items() if tally.updates}
-        result.append({name: float(value) for name, value in values.items()})
+            losses, index = tally.losses[lane.algo], position[lane.algo]
+            values |= {name: _mean(loss[index], tally.updates) for name, loss in losses.items()}
+        position[lane.algo] += 1
+        result.append(values)
     return result
+
+
+def _mean(total: Any, count: Any) -> float:
+    return float(total) / float(count) if count else float("nan")
 
 
 def replaying(program: Program) -> list[str]:

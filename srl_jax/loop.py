@@ -116,15 +116,16 @@ class _Run:
             state, tally = self.begin(keeper)
             while int(state.clock) < self.config.steps:
                 if self.stopped():
-                    self.save(keeper, state, tally)
+                    checkpoint.save(keeper, state, self.lanes, tally, last=True)
                     return None
                 state, tally = self.advance(state, tally)
                 if int(state.clock) % self.config.train.evaluate_every == 0:
                     state, tally = self.evaluate(state, tally)
-                if int(state.clock) % self.config.train.checkpoint_every == 0:
-                    self.save(keeper, state, tally)
+                clock = int(state.clock)
+                if clock % self.config.train.checkpoint_every == 0 and clock < self.config.steps:
+                    checkpoint.save(keeper, state, self.lanes, tally)
             if keeper.latest_step() != int(state.clock):
-                self.save(keeper, state, tally)
+                checkpoint.save(keeper, state, self.lanes, tally, last=True)
         self.show("summary", int(state.clock))
         data = report.read_metrics(self.directory)
         damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
@@ -206,9 +207,6 @@ class _Run:
         if prefix == "eval":
             self.latest = _means_by_algo(self.plan.lanes, rows)
         return rows
-
-    def save(self, keeper, state: TrainState, tally: Tally) -> None:
-        checkpoint.save(keeper, state, self.lanes, tally)
 
     def show(self, phase: str, step: int) -> None:
         lanes, train = len(self.plan.lanes), self.config.train

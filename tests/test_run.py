@@ -1,5 +1,6 @@
 """A whole run: its files, that it resumes to the same numbers however it ended, and that bad input is one sentence."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from srl_jax import loop, run
+from experiments import compare
+from srl_jax import loop, report, run
 from srl_jax.config import preset
 from srl_jax.env import hexapod
 
@@ -76,6 +78,42 @@ def test_a_terminated_run_saves_and_says_how_to_go_on(finished, tmp_path):
     assert f"--resume {directory}" in printed
     loop.run(preset("smoke"), directory, 2, resume=True)
     assert results(directory) == results(finished[0])
+
+
+def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
+    base = preset("smoke")
+    config = dataclasses.replace(
+        base,
+        seeds="1",
+        algos="srl",
+        steps=800,
+        behaviour="train",
+        damage_schedule="healthy@0,leg_rm@400",
+        train=dataclasses.replace(base.train, evaluate_every=400),
+        srl=dataclasses.replace(base.srl, critic_lr=(1e-3, 1e38)),
+    )
+    summary = loop.run(config, tmp_path / "run", 2)
+    assert json.loads((tmp_path / "run" / "behaviour" / "summary.json").read_text())["task"] == "p2p"
+    assert [lane["variant"] for lane in summary["nonfinite_lanes"]] == ["critic_lr=1e+38"]
+    good = summary["methods"]["srl critic_lr=0.001"]["overall"]
+    assert all(value is not None for value in good["return"].values())
+    assert list((tmp_path / "run" / "videos").glob("*-leg_rm-*.mp4"))
+
+
+def test_runs_join_into_one_table(finished, tmp_path):
+    compare.check((finished[0], finished[0]))
+    compare.join((finished[0], finished[0]), tmp_path)
+    joint, single = report.read_metrics(tmp_path), report.read_metrics(finished[0])
+    assert [lane["lane"] for lane in joint.lanes] == list(range(8))
+    last = joint.metrics["eval/return"][1600]
+    assert [last[i] for i in range(8)] == [single.metrics["eval/return"][1600][i % 4] for i in range(8)]
+
+
+def test_runs_that_differ_do_not_join(finished, tmp_path):
+    text = (finished[0] / "config.json").read_text()
+    (tmp_path / "config.json").write_text(text.replace('"steps": 1600', '"steps": 3200'))
+    with pytest.raises(ValueError, match="in steps"):
+        compare.check((finished[0], tmp_path))
 
 
 def wait_for(condition, process, seconds=300):
