@@ -1,5 +1,8 @@
 """Orbax checkpoints: the whole state of a run, and beside it the students alone, which are small and often wanted."""
 
+import contextlib
+import errno
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +14,21 @@ from srl_jax.replay import Replay
 from srl_jax.state import LaneData, Tally, TrainState
 
 
-def manager(directory: Path) -> ocp.CheckpointManager:
-    """Writes in the background and atomically; keeps the newest checkpoint (a replay is large)."""
+@contextlib.contextmanager
+def manager(directory: Path) -> Iterator[ocp.CheckpointManager]:
+    """Writes in the background and atomically; keeps the newest checkpoint (a replay is large).
+
+    Raises:
+        OSError: the disk is full; what had been saved before is whole.
+    """
     options = ocp.CheckpointManagerOptions(max_to_keep=1, enable_async_checkpointing=True, create=True)
-    return ocp.CheckpointManager(directory.absolute(), options=options)
+    try:
+        with ocp.CheckpointManager(directory.absolute(), options=options) as keeper:
+            yield keeper
+    except Exception as error:  # the storage below Orbax reports a full disk as a ValueError of its own
+        if "RESOURCE_EXHAUSTED" in str(error):
+            raise OSError(errno.ENOSPC, "No space left on device", str(directory)) from None
+        raise
 
 
 def save(

@@ -106,9 +106,11 @@ def stream_keys(program: Program, stream: str) -> jax.Array:
 
 
 def empty_tally(program: Program) -> Tally:
-    """A tally of nothing for all rows, on the host."""
+    """A tally of nothing for all rows, on the devices."""
     rows = {algo: len(program.layout.of(algo)) for algo, _ in program.layout.counts}
-    return zero_tally(program, np.zeros(len(program.layout.rows), np.float32), rows)
+    tally = zero_tally(program, jnp.zeros(len(program.layout.rows)), rows)
+    by_row = {name: on_rows(program, getattr(tally, name)) for name in Tally._fields if name != "updates"}
+    return Tally(**by_row, updates=on_all(program, tally.updates))
 
 
 def means(program: Program, tally: Tally, training: bool) -> list[dict[str, float]]:

@@ -50,7 +50,11 @@ def _main(argv: list[str]) -> int:
     devices = use_devices(config.devices)
     directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
 
+    from absl import logging
+
     from srl_jax import loop  # jax is imported here, after the devices are known
+
+    logging.set_verbosity(logging.FATAL)  # Orbax logs the traceback of every error that it also raises
 
     if arguments.resume:
         devices = check_devices(directory, devices)

@@ -17,7 +17,14 @@ from srl_jax.types import ActState, Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
 CONFIG = DDPGConfig(
-    hidden=(8, 8), critics=2, critic_updates=1, batch=BATCH, freeze=(100.0,), actor_lr=(1e-2,), critic_lr=(1e-2,)
+    hidden=(8, 8),
+    critics=2,
+    critic_updates=1,
+    tau=(0.01,),
+    batch=BATCH,
+    freeze=(100.0,),
+    actor_lr=(1e-2,),
+    critic_lr=(1e-2,),
 )
 HYPER = from_config(CONFIG)
 update = jax.jit(ddpg.update, static_argnames=("config", "teachers"))

@@ -16,7 +16,14 @@ from srl_jax.types import Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
 SHARED = dict(
-    critic_updates=1, hidden=(8, 8), layer_norm=False, critics=2, freeze=(0.0,), actor_lr=(1e-2,), critic_lr=(1e-2,)
+    critic_updates=1,
+    tau=(0.01,),
+    hidden=(8, 8),
+    layer_norm=False,
+    critics=2,
+    freeze=(0.0,),
+    actor_lr=(1e-2,),
+    critic_lr=(1e-2,),
 )
 BASELINE = DDPGConfig(**SHARED)
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)

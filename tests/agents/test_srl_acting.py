@@ -15,7 +15,7 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState
 
 OBSERVATION, ACTION = 4, 2
-SHARED = dict(critic_updates=1, hidden=(8, 8), layer_norm=False, critics=2, init="random", noise=(0.1,))
+SHARED = dict(critic_updates=1, tau=(0.01,), hidden=(8, 8), layer_norm=False, critics=2, init="random", noise=(0.1,))
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF, BASELINE = SRLConfig(**SHARED, select=False), DDPGConfig(**SHARED)
 STATIC = ("config", "teachers")

@@ -150,7 +150,7 @@ def test_reset_is_a_function_of_its_key():
 
 
 def test_an_unknown_task_is_refused():
-    with pytest.raises(ValueError, match="task is 'walk': choose x, xy or p2p"):
+    with pytest.raises(ValueError, match="task is 'walk': choose one of x, xy, p2p"):
         make("walk")
 
 
