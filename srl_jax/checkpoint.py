@@ -80,7 +80,15 @@ def students(directory: Path) -> dict[str, Any]:
         step = keeper.latest_step()
         if step is None:
             raise ValueError(f"{directory} holds no complete checkpoint: a finished run has one.")
-        return _read(keeper, step, students=ocp.args.StandardRestore())["students"]
+        return _read(keeper, step, students=ocp.args.StandardRestore(_on_one_device(directory, step)))["students"]
+
+
+def _on_one_device(directory: Path, step: int) -> Any:
+    """What the students of a checkpoint look like on this machine, whatever devices the run had."""
+    device = jax.sharding.SingleDeviceSharding(jax.devices()[0])
+    with ocp.StandardCheckpointer() as reader:
+        stored = reader.metadata(directory.absolute() / str(step) / "students").item_metadata
+    return jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=device), dict(stored.tree))
 
 
 def _filled(state: TrainState, step: int) -> int:
