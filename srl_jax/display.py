@@ -16,10 +16,11 @@ from srl_jax.plot import format_table
 class Display:
     """Shows `loop.Progress`: elapsed and remaining time, rates, and the latest success or return per algorithm."""
 
-    def __init__(self, directory: Path):
+    def __init__(self, directory: Path, console: Console | None = None):
         self.directory = directory
-        self.console = Console() if sys.stdout.isatty() else Console(width=140)  # a file has no width
-        self._printed: tuple[str, int] | None = None
+        usual = Console() if sys.stdout.isatty() else Console(width=140)  # a file has no width
+        self.console = console or usual
+        self._shown = ("", "")
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),
@@ -31,7 +32,7 @@ class Display:
             console=self.console,
             disable=not self.console.is_terminal,
         )
-        self.task = self.bar.add_task("starting", total=None, rates="")
+        self.task = self.bar.add_task("starting", total=1, rates="")
 
     def __enter__(self) -> "Display":
         self.console.print(f"Results go to {self.directory}")
@@ -45,11 +46,12 @@ class Display:
         """Shows the newest status; on a file, one line whenever something was evaluated."""
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
         self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
-        key = (status.phase, status.step if latest(status) != getattr(self, "_latest", None) else -1)
-        if not self.console.is_terminal and key != self._printed:
-            print(f"{status.phase} {status.step}/{status.steps} {status.elapsed:.0f} s {rates}", flush=True)
-            self._printed, self._latest = key, latest(status)
-            sys.stdout.flush()
+        shown = (status.phase, latest(status))
+        if not self.console.is_terminal and shown != self._shown:
+            line = f"{status.phase} {status.step}/{status.steps} {status.elapsed:.0f} s {rates}"
+            self.console.print(line, soft_wrap=True, highlight=False)
+            self.console.file.flush()
+            self._shown = shown
 
     def closing(self, summary: dict[str, Any]) -> None:
         """The table of results, and where the files lie."""
