@@ -14,9 +14,7 @@ from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation
-SHARED: Any = dict(
-    critics=1, critic_updates=1, layer_norm=False, actor_lr=(1e-3,), gamma=(0.98,), tau=(0.005,), freeze=(1_000.0,)
-)
+SHARED: Any = dict(critics=1, critic_updates=1, layer_norm=False, actor_lr=1e-3, gamma=0.98, tau=0.005, freeze=1e3)
 CONFIGS = {"ddpg": DDPGConfig(**SHARED), "srl": SRLConfig(init="random", dropout=(0.1,), **SHARED)}
 
 
