@@ -13,6 +13,7 @@ from srl_jax.agents.hyper import from_config
 from srl_jax.bayes import dropout
 from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import Transition
+from tests.agents.reference import convinced_critic, loop_draws
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
 SHARED = dict(
@@ -61,39 +62,15 @@ def start(seed: int = 0) -> ddpg.AgentState:
 
 
 def convinced(slope: float) -> ddpg.AgentState:
-    """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``, on one unit per layer and no dropout."""
-
-    def place(path, leaf):
-        name = jax.tree_util.keystr(path)
-        zero = jnp.zeros_like(leaf)
-        if "Torso_0" in name and "Dense_0" in name:
-            return zero.at[:, 0].set(4.0) if "bias" in name else zero.at[:, OBSERVATION:, 0].set(1.0)
-        if "Dense_1" in name:
-            return zero if "bias" in name else zero.at[:, 0, 0].set(1.0)
-        return zero if "bias" in name else zero.at[:, 0, 0].set(slope)
-
+    """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``."""
     state = start()
-    critic = jax.tree_util.tree_map_with_path(place, state.critic)
+    critic = convinced_critic(state.critic, slope, OBSERVATION)
     return state._replace(critic=critic, target_critic=critic)
 
 
 def run(state, batch, config, key=KEY, teachers=(), **overrides):
     hyper = from_config(config, **overrides)
     return update(state, batch, key, config=config, hyper=hyper, step=STEP, teachers=teachers)
-
-
-def loop_draws(params, observation, actions, masks) -> np.ndarray:
-    """Q for one state under every mask and member: f32[J * K, N]."""
-    params, masks = jax.tree.map(np.asarray, (params, masks))
-    members, draws = masks[0].shape[:2]
-    one = [jax.tree.map(lambda x, k=k: x[k], params) for k in range(members)]
-    return np.array(
-        [
-            [critic_of(one[k], observation, np.asarray(action), tuple(m[k, j] for m in masks)) for action in actions]
-            for j in range(draws)
-            for k in range(members)
-        ]
-    )
 
 
 # Without its parts
@@ -128,7 +105,7 @@ def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
     p = jax.jit(guided)(state.critic, action, advice)
     masks = dropout.sample_masks(KEY, config.hidden, (2, 2), hyper.dropout)
     for b in range(BATCH):
-        q = loop_draws(state.critic, batch.observation[b], [action[b], *advice[b]], masks)
+        q = loop_draws(critic_of, state.critic, batch.observation[b], [action[b], *advice[b]], masks)
         for n in (1, 2):
             d = jnp.asarray(q[:, n] - q[:, 0])
             exact = (
@@ -173,7 +150,7 @@ def test_actor_descends_the_guided_loss():
     p = np.zeros(BATCH)
     masks = dropout.sample_masks(masks_key, FULL.hidden, (2, 2), jnp.float32(0.3))
     for b in range(BATCH):
-        q = loop_draws(after.critic, batch.observation[b], [action[b], advice[b]], masks)
+        q = loop_draws(critic_of, after.critic, batch.observation[b], [action[b], advice[b]], masks)
         p[b] = np.mean((q[:, 1] > q[:, 0]) + 0.5 * (q[:, 1] == q[:, 0]))
     assert metrics["p_guid"] == pytest.approx(p.mean(), abs=1e-6) and 0 < p.mean() < 1
 

@@ -13,6 +13,7 @@ from srl_jax.agents.hyper import from_config
 from srl_jax.bayes import controller
 from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState
+from tests.agents.reference import convinced_critic
 
 OBSERVATION, ACTION = 4, 2
 SHARED = dict(critic_updates=1, tau=(0.01,), hidden=(8, 8), layer_norm=False, critics=2, init="random", noise=(0.1,))
@@ -39,19 +40,9 @@ def start() -> ddpg.AgentState:
 
 
 def convinced(slope: float) -> ddpg.AgentState:
-    """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``, on one unit per layer and no dropout."""
-
-    def place(path, leaf):
-        name = jax.tree_util.keystr(path)
-        zero = jnp.zeros_like(leaf)
-        if "Torso_0" in name and "Dense_0" in name:
-            return zero.at[:, 0].set(4.0) if "bias" in name else zero.at[:, OBSERVATION:, 0].set(1.0)
-        if "Dense_1" in name:
-            return zero if "bias" in name else zero.at[:, 0, 0].set(1.0)
-        return zero if "bias" in name else zero.at[:, 0, 0].set(slope)
-
+    """An agent whose members all believe ``Q(s, a) = slope (4 + sum(a))``."""
     state = start()
-    critic = jax.tree_util.tree_map_with_path(place, state.critic)
+    critic = convinced_critic(state.critic, slope, OBSERVATION)
     return state._replace(critic=critic)
 
 

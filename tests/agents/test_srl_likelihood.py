@@ -12,6 +12,7 @@ from srl_jax.agents.hyper import from_config
 from srl_jax.bayes import dropout
 from srl_jax.config import SRLConfig
 from srl_jax.types import Transition
+from tests.agents.reference import loop_draws
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6
 FULL = SRLConfig(hidden=(8, 8), layer_norm=False, critics=2, batch=BATCH, dropout=(0.3,), draws=8)
@@ -37,20 +38,6 @@ def start() -> ddpg.AgentState:
     return init(KEY)
 
 
-def loop_draws(params, observation, actions, masks) -> np.ndarray:
-    """Q for one state under every mask and member: f32[J * K, N]."""
-    params, masks = jax.tree.map(np.asarray, (params, masks))
-    members, draws = masks[0].shape[:2]
-    one = [jax.tree.map(lambda x, k=k: x[k], params) for k in range(members)]
-    return np.array(
-        [
-            [critic_of(one[k], observation, np.asarray(action), tuple(m[k, j] for m in masks)) for action in actions]
-            for j in range(draws)
-            for k in range(members)
-        ]
-    )
-
-
 def test_alpha_divergence_equals_numpy():
     config, batch, state = change(critic_loss="alpha", weight_decay=(0.1,)), batch_of(), start()
     hyper, target = from_config(config), jnp.asarray(batch_of(1).reward)
@@ -58,7 +45,7 @@ def test_alpha_divergence_equals_numpy():
     masks = srl.posterior_masks(jax.random.split(KEY)[0], config=config, hyper=hyper)
     alpha, tau, value = 0.5, 10.0, 0.0
     for observation, action, y in zip(batch.observation, batch.action, target, strict=True):
-        q = loop_draws(state.critic, observation, [action], masks)[:, 0]
+        q = loop_draws(critic_of, state.critic, observation, [action], masks)[:, 0]
         value += -np.log(np.sum(np.exp(-0.5 * alpha * tau * (y - q) ** 2))) / alpha / BATCH
     squares = sum(float(np.sum(np.square(leaf))) for leaf in jax.tree.leaves(state.critic))
     assert metrics["critic_loss"] == pytest.approx(value, rel=1e-4)
@@ -73,7 +60,7 @@ def test_squared_error_has_a_mask_per_sample_and_member():
     value = 0.0
     for b in range(BATCH):
         own = tuple(mask[:, b : b + 1] for mask in masks)
-        q = loop_draws(state.critic, batch.observation[b], [batch.action[b]], own)
+        q = loop_draws(critic_of, state.critic, batch.observation[b], [batch.action[b]], own)
         value += float(np.sum((q - batch.reward[b]) ** 2)) / BATCH
     assert loss == pytest.approx(value, rel=1e-5)
 
