@@ -81,9 +81,9 @@ class RunData:
 
     @property
     def finish(self) -> float | None:
-        """0.9 of the healthy behaviour policy's mean return, which counts as solved; None if not recorded."""
+        """0.9 of the healthy behaviour policy's mean return, which counts as solved; None if it earned nothing."""
         healthy = self.mean("healthy/return")
-        return None if healthy is None else FINISH_FRACTION * healthy
+        return FINISH_FRACTION * healthy if healthy is not None and healthy > 0.0 else None
 
     def mean(self, metric: str) -> float | None:
         """Mean of a metric's finite values over all lanes at its first step; None if there is none."""

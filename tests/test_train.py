@@ -132,12 +132,16 @@ def test_a_lane_that_is_not_finite_freezes_alone(engine, data):
         agents = state.agents | {"srl": agent._replace(critic=critic)}
         return state._replace(agents=engines.on_rows(engine.program, agents))
 
-    clean, _ = trained(engine, data, 20)
-    state, tally = trained(engine, data, 20, poison)
+    steps = 25  # not a multiple of the episode's 10: an auto-reset would hide a robot that was not frozen
+    clean, _ = trained(engine, data, steps)
+    state, tally = trained(engine, data, steps, poison)
     assert np.asarray(state.alive).tolist() == [True, False, True, True]
     for index in (0, 2, 3):
         assert_same(rows_of_lane(state, engine, index), rows_of_lane(clean, engine, index))
     assert np.isfinite(np.asarray(state.world.observation)).all()
+    assert int(state.world.env.steps[1, 0]) != int(clean.world.env.steps[1, 0]), "the frozen robot still moves"
+    actor = jax.tree.leaves(row(state.agents["srl"].actor, 0))
+    assert all(np.isfinite(leaf).all() for leaf in actor), "the update that was not finite was kept"
     assert float(tally.steps[1]) < float(tally.steps[0])
 
 
@@ -151,6 +155,7 @@ def test_an_exploding_robot_freezes_its_lane_alone(engine, data):
     clean, _ = trained(engine, data, 12)
     state, _ = trained(engine, data, 12, explode)
     assert np.asarray(state.alive).tolist() == [True, True, False, True]
+    assert np.asarray(state.world.env.steps[2]).tolist() == [0, 0], "the frozen robots still move"
     assert_same(rows_of_lane(state, engine, 3), rows_of_lane(clean, engine, 3))
 
 
