@@ -150,6 +150,9 @@ class SRLConfig(DDPGConfig):
     """Posterior samples per decision (a multiple of critics)."""
     guidance_draws: int = 4
     """Posterior samples that weigh the guidance at every state of a mini-batch (a multiple of critics)."""
+    guidance_weighting: Literal["posterior", "mean", "annealed"] = "posterior"
+    """What weighs the guidance at a state: the posterior probability that pi_B is better there, whether the mean critic
+    says so (the Q-filter of Nair et al. 2018), or nothing but time, falling linearly to 0 at guidance_decay."""
     critic_loss: Literal["td", "alpha"] = "td"
     """td: squared error; alpha: AC-Teach's alpha-divergence over dropout samples."""
     dropout_update: bool = False
@@ -163,6 +166,8 @@ class SRLConfig(DDPGConfig):
     psi: Sweep = (0.99,)
     guidance_weight: Sweep = (10.0,)
     """Weight of the pull towards pi_B in the actor's loss, where the posterior favours pi_B; 0: off."""
+    guidance_decay: Sweep = (20_000.0,)
+    """Environment steps until annealed guidance reaches 0."""
     prior_fraction: Sweep = (0.0,)
     """Fraction of the mini-batch from healthy transitions at the start; decays linearly to 0."""
     prior_decay: Sweep = (20_000.0,)

@@ -144,11 +144,13 @@ def check_agent(algo: str, config) -> None:
         "noise",
         "freeze",
         "guidance_weight",
-        "prior_decay",
         "weight_decay",
     ):
         if any(value < 0.0 for value in getattr(config, name, ())):
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must not be negative.")
+    for name in ("prior_decay", "guidance_decay"):
+        if any(value <= 0.0 for value in getattr(config, name, ())):
+            raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
 
 
 def memory_bytes(config: Config, rows: int) -> dict[str, int]:

@@ -29,6 +29,7 @@ class Hyper(NamedTuple):
     beta: jax.Array
     psi: jax.Array
     guidance_weight: jax.Array
+    guidance_decay: jax.Array
     prior_fraction: jax.Array
     prior_decay: jax.Array
     bootstrap: jax.Array

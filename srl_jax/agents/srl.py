@@ -129,8 +129,11 @@ def guidance(
     *,
     config: SRLConfig,
     hyper: Hyper,
+    step: jax.Array,
 ) -> jax.Array:
     """``p_guid(s) = P[Q(s, pi_B(s)) > Q(s, pi(s))]`` of every teacher, over the same samples for both.
+
+    `config.guidance_weighting` has two controls in its place: the mean critic's verdict, and a function of time alone.
 
     Args:
         critic: ensemble parameters.
@@ -140,10 +143,17 @@ def guidance(
         key: random key.
         config: static settings.
         hyper: numeric settings.
+        step: f32[] environment steps taken so far by the lane.
 
     Returns:
         f32[B, N], without gradient.
     """
+    if config.guidance_weighting == "annealed":
+        return jnp.full(advice.shape[:2], jnp.maximum(1.0 - step / hyper.guidance_decay, 0.0))
+    if config.guidance_weighting == "mean":
+        mean = lambda a: jnp.mean(ddpg.ensemble_q(critic, batch.observation, a, config=config), axis=0)  # noqa: E731
+        better = jax.vmap(mean, 1, 1)(advice) > mean(action)[:, None]
+        return jax.lax.stop_gradient(better.astype(action.dtype))
     shape = (config.critics, config.guidance_draws // config.critics)
     masks = dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
@@ -192,7 +202,7 @@ def update(
             return -q, {"q": q, "p_guid": jnp.zeros(())}
         advice = jnp.stack([jax.vmap(teacher)(seen.observation) for teacher in teachers], axis=1)
         own = jax.lax.stop_gradient(action)
-        p_guid = guidance(state.critic, seen, own, advice, guidance_key, config=config, hyper=hyper)
+        p_guid = guidance(state.critic, seen, own, advice, guidance_key, config=config, hyper=hyper, step=step)
         distance = jnp.sum(jnp.square(action[:, None] - advice), axis=-1)
         pull = hyper.guidance_weight * jnp.mean(p_guid * distance)
         return pull - q, {"q": q, "p_guid": jnp.mean(p_guid)}

@@ -100,7 +100,7 @@ def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
     advice = jnp.stack([jnp.full_like(action, 0.8), -action], axis=1)
 
     def guided(critic, own, others):
-        return srl.guidance(critic, batch, own, others, KEY, config=config, hyper=hyper)
+        return srl.guidance(critic, batch, own, others, KEY, config=config, hyper=hyper, step=STEP)
 
     p = jax.jit(guided)(state.critic, action, advice)
     masks = dropout.sample_masks(KEY, config.hidden, (2, 2), hyper.dropout)
@@ -174,6 +174,29 @@ def test_weight_zero_is_no_guidance():
     chex.assert_trees_all_close(none, zero, atol=1e-6)
     chex.assert_trees_all_equal(zero.critic, one.critic)
     assert np.any(zero.actor["params"]["action"]["bias"] != one.actor["params"]["action"]["bias"])
+
+
+def test_guidance_by_the_mean_critic_is_its_verdict_and_annealed_guidance_asks_no_critic():
+    batch, own, advice = batch_of(), jnp.full((BATCH, ACTION), 0.1), jnp.full((BATCH, 1, ACTION), 0.8)
+    advice = advice * jnp.sign(batch.observation[:, :1, None])
+    weigh = lambda config, step, slope: srl.guidance(  # noqa: E731
+        convinced(slope).critic,
+        batch,
+        own,
+        advice,
+        KEY,
+        config=config,
+        hyper=from_config(config, dropout=0.9),
+        step=jnp.float32(step),
+    )
+    mean = dataclasses.replace(FULL, guidance_weighting="mean")
+    up = (batch.observation[:, :1] > 0).astype("f")
+    assert up.any() and not up.all()
+    np.testing.assert_array_equal(weigh(mean, 0, 1.0), up)
+    np.testing.assert_array_equal(weigh(mean, 0, -1.0), 1 - up)
+    annealed = dataclasses.replace(FULL, guidance_weighting="annealed", guidance_decay=(1_000.0,))
+    for step, weight in ((0, 1.0), (250, 0.75), (1_000, 0.0), (2_000, 0.0)):
+        np.testing.assert_allclose(weigh(annealed, step, -1.0), np.full((BATCH, 1), weight), atol=1e-6)
 
 
 # The behaviour target
