@@ -9,8 +9,8 @@ import tyro
 
 from srl_jax import replay
 from srl_jax.agents import ddpg, hyper, srl
+from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import controller
-from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation

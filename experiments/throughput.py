@@ -107,18 +107,18 @@ def update_flops() -> float:
     import jax
     import jax.numpy as jnp
 
+    from srl_jax.agents import registry
     from srl_jax.agents.hyper import from_config
     from srl_jax.config import preset
     from srl_jax.env.hexapod import ACTION_SIZE, observation_size
     from srl_jax.replay import unpack, width
     from srl_jax.sources import scripted_gait
-    from srl_jax.state import agent_module
 
     config, counts = preset("default"), []
     size = observation_size(config.task, config.env)
     gait = scripted_gait()
     for agent in (config.ddpg, config.srl):
-        module, hyper = agent_module(agent), from_config(agent)
+        module, hyper = registry.module(agent), from_config(agent)
         state = module.init(jax.random.key(0), size, ACTION_SIZE, config=agent)
         batch = unpack(jnp.zeros((agent.batch, width(size, ACTION_SIZE))), size)
         teachers = (lambda observation: gait.apply(gait.params(0), observation),)

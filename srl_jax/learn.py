@@ -1,14 +1,18 @@
 """The learning half of the compiled program: mini-batches for every row, and every algorithm's update on its rows."""
 
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
 from srl_jax import replay as replays
-from srl_jax.agents.ddpg import AgentState
+from srl_jax.agents import registry
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.settings import AgentConfig, DDPGConfig
 from srl_jax.blocks import blocked_map
-from srl_jax.config import DDPGConfig
-from srl_jax.state import LaneData, Program, Tally, TrainState, agent_module, bind_teachers
+from srl_jax.state import LaneData, Program, Tally, TrainState, bind_teachers
+from srl_jax.types import Episodes
 
 
 def learn_rows(
@@ -26,9 +30,9 @@ def learn_rows(
     return state, tally._replace(losses=losses, updates=tally.updates + 1.0)
 
 
-def batch_size(config: DDPGConfig) -> int:
-    """Transitions that one update of an agent takes."""
-    return config.batch * config.critic_updates
+def batch_size(config: AgentConfig) -> int:
+    """Transitions that one update of an agent takes; none for those that do not replay."""
+    return config.batch * config.critic_updates if isinstance(config, DDPGConfig) else 0
 
 
 def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Array:
@@ -41,7 +45,7 @@ def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Arr
 
 def learn_algo(
     program: Program, algo: str, lanes: LaneData, state: TrainState, batches: jax.Array, keys: jax.Array
-) -> tuple[AgentState, dict[str, jax.Array], jax.Array]:
+) -> tuple[Any, dict[str, jax.Array], jax.Array]:
     """One update of one algorithm's lanes, in cache-sized blocks; also which of them stayed finite, bool[n]."""
     config, rows = program.agent_config(algo), program.layout.slices()[algo]
     observation_size = state.world.observation.shape[-1]
@@ -49,17 +53,17 @@ def learn_algo(
 
     def lane(args):
         agent, batch, key, hyper, teacher_params, alive = args
-        new, metrics = agent_module(config).update(
+        new, metrics = registry.module(config).update(
             agent,
             replays.unpack(batch[: batch_size(config)], observation_size),
             key,
             config=config,
             hyper=hyper,
             step=step,
-            teachers=bind_teachers(program, teacher_params),
+            teachers=bind_teachers(program, algo, teacher_params),
         )
         sums = [jnp.sum(leaf) for leaf in jax.tree.leaves((new.actor, new.critic, metrics))]
-        finite = alive & jnp.isfinite(jnp.stack(sums)).all()
+        finite = alive & jnp.isfinite(jnp.array(sums)).all()
         return jax.tree.map(lambda n, o: jnp.where(finite, n, o), new, agent), metrics, finite
 
     if algo in lanes.prior:
@@ -79,3 +83,22 @@ def mix_prior(batches: jax.Array, prior: jax.Array, keys: jax.Array, hyper: Hype
         return jnp.where(jax.random.uniform(pick_key, (len(batch), 1)) < fraction, rows, batch)
 
     return jax.vmap(lane)(batches, prior, keys, hyper)
+
+
+def learn_episodes(program: Program, lanes: LaneData, agents: dict[str, Any], episodes: Episodes) -> dict[str, Any]:
+    """The agents after the episodic ones among them were shown the episodes that have just ended, leaves [R, E]."""
+    agents = dict(agents)
+    for algo, rows in program.layout.slices().items():
+        if registry.is_episodic(program.agent_config(algo)):
+            own = jax.tree.map(lambda x, rows=rows: x[rows], episodes)
+            learn = partial(finish_algo, program, algo, lanes.hyper[algo], own)
+            # Episodes mostly end together: at all other steps nothing is computed.
+            agents[algo] = jax.lax.cond(jnp.any(own.ended), learn, lambda agent: agent, agents[algo])
+    return agents
+
+
+def finish_algo(program: Program, algo: str, hyper: Hyper, episodes: Episodes, agents: Any) -> Any:
+    """One episodic algorithm's lanes after their episodes."""
+    config = program.agent_config(algo)
+    finish = partial(registry.module(config).finish, config=config)
+    return jax.vmap(lambda agent, seen, hyper_: finish(agent, seen, hyper=hyper_))(agents, episodes, hyper)

@@ -130,7 +130,7 @@ class _Run:
         data = report.read_metrics(self.directory)
         damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
         chosen = showcase.median_lanes(self.plan.lanes, data.metrics["eval/return"][self.config.steps])
-        showcase.save_videos(self.directory / "videos", self.program, state, chosen, damage)
+        showcase.save_videos(self.directory / "videos", self.program, state, self.lanes, chosen, damage)
         return self.summarise(data)
 
     def begin(self, keeper) -> tuple[TrainState, Tally]:

@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from srl_jax.config import Config, DDPGConfig, EnvConfig, SRLConfig, TrainConfig
+from srl_jax.config import Config
 from srl_jax.lanes import Lane
 
 PACKAGES = (
@@ -63,14 +63,7 @@ def read_config(directory: Path) -> tuple[Config, int]:
         raise ValueError(f"{path} cannot be read as a configuration of this version: {error}.") from error
 
 
-_SECTIONS = {
-    "env": EnvConfig,
-    "train": TrainConfig,
-    "ddpg": DDPGConfig,
-    "ddpg_warm": DDPGConfig,
-    "acteach": SRLConfig,
-    "srl": SRLConfig,
-}
+_SECTIONS = {name: type(value) for name, value in vars(Config()).items() if dataclasses.is_dataclass(value)}
 
 
 def _tupled(value: Any) -> Any:

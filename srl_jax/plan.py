@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from srl_jax import lanes as lane_table
 from srl_jax.agents.networks import network_sizes
+from srl_jax.agents.settings import DDPGConfig, SearchConfig
 from srl_jax.config import ALGORITHMS, Config
 from srl_jax.env import damage as damages
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
@@ -106,7 +107,11 @@ def check_numbers(config: Config) -> None:
             f"env.goal_ring is {env.goal_ring}: it must rise and lie beyond env.goal_radius={env.goal_radius}."
         )
     for algo in parse_algos(config.algos):
-        check_agent(algo, getattr(config, algo))
+        agent = getattr(config, algo)
+        if isinstance(agent, DDPGConfig):
+            check_actor_critic(algo, agent)
+        if isinstance(agent, SearchConfig):
+            check_search(algo, agent, config.behaviour)
 
 
 RANGES = {
@@ -122,8 +127,19 @@ RANGES = {
 }
 
 
-def check_agent(algo: str, config) -> None:
-    """Raises ValueError for an agent's settings that make no sense."""
+def check_search(algo: str, config: SearchConfig, behaviour: str) -> None:
+    """Raises ValueError for settings of an episodic search that make no sense."""
+    if behaviour != "gait":
+        raise ValueError(f"behaviour is {behaviour!r}: {algo} searches a gait's parameters and needs --behaviour gait.")
+    if config.trajectories < 2:
+        raise ValueError(f"{algo}.trajectories is {config.trajectories}: it must be at least 2.")
+    for name in ("search_rate", "spread", "spread_floor", "return_noise"):
+        if any(value <= 0.0 for value in getattr(config, name)):
+            raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
+
+
+def check_actor_critic(algo: str, config: DDPGConfig) -> None:
+    """Raises ValueError for settings of DDPG or SRL that make no sense."""
     if not config.hidden or min(config.hidden) < 1 or config.critics < 1 or config.batch < 1:
         raise ValueError(
             f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
@@ -161,8 +177,9 @@ def memory_bytes(config: Config, rows: int) -> dict[str, int]:
     size = observation_size(config.task, config.env)
     replay = rows * config.train.capacity * width(size, ACTION_SIZE) * 4
     checkpoint = rows * min(config.train.capacity, config.steps) * width(size, ACTION_SIZE) * 4
-    per_algo = [network_sizes(getattr(config, a), size, ACTION_SIZE) for a in parse_algos(config.algos)]
-    networks = rows * max(4 * actor + 4 * critic for actor, critic in per_algo) * 4
+    agents = [getattr(config, algo) for algo in parse_algos(config.algos)]
+    per_algo = [network_sizes(agent, size, ACTION_SIZE) for agent in agents if isinstance(agent, DDPGConfig)]
+    networks = rows * max((4 * actor + 4 * critic for actor, critic in per_algo), default=0) * 4
     return {"replay": replay, "checkpoint copy": checkpoint, "networks": networks, "program": 2**30}
 
 

@@ -1,7 +1,6 @@
 """Videos of what a run has learned: for every method the student of its median lane, in C MuJoCo."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import jax
@@ -9,10 +8,9 @@ import numpy as np
 
 from srl_jax import lanes as lane_table
 from srl_jax import video
-from srl_jax.agents.ddpg import student
 from srl_jax.evaluate import rollout_c
 from srl_jax.lanes import Lane
-from srl_jax.state import Program, TrainState
+from srl_jax.state import LaneData, Program, TrainState, student
 
 SIZE = (480, 270)
 
@@ -34,7 +32,12 @@ def median_lanes(lanes: Sequence[Lane], returns: Mapping[int, float]) -> dict[st
 
 
 def save_videos(
-    directory: Path, program: Program, state: TrainState, chosen: Mapping[str, Lane], damages: Mapping[int, str]
+    directory: Path,
+    program: Program,
+    state: TrainState,
+    lanes: LaneData,
+    chosen: Mapping[str, Lane],
+    damages: Mapping[int, str],
 ) -> list[Path]:
     """Writes ``directory/<method>-<damage>-seed<n>.mp4`` for every chosen lane; returns the paths.
 
@@ -42,6 +45,7 @@ def save_videos(
         directory: is made where missing.
         program: the run's.
         state: whose students act.
+        lanes: whose teachers they may ask.
         chosen: method -> lane, from `median_lanes`.
         damages: lane index -> the damage in force at the end.
     """
@@ -49,8 +53,14 @@ def save_videos(
     paths = []
     for method, lane in chosen.items():
         row = program.layout.of(lane.algo).index(lane)
-        actor = jax.tree.map(lambda x, row=row: jax.device_get(x[row]), state.agents[lane.algo].actor)
-        policy = jax.tree_util.Partial(partial(student, config=program.agent_config(lane.algo)), actor)
+        index = program.layout.rows.index(lane)
+        actor, params = jax.device_get(
+            (
+                jax.tree.map(lambda x, row=row: x[row], state.agents[lane.algo].actor),
+                jax.tree.map(lambda x, index=index: x[index], lanes.teachers),
+            )
+        )
+        policy = student(program, lane.algo, actor, params)
         damage, key = damages[lane.index], lane_table.key(lane, "video")
         rollout = rollout_c(program.robot, damage, policy, key, program.config.env.episode_steps)
         frames = video.render(rollout, damage, goal_radius=program.config.env.goal_radius, size=SIZE)

@@ -1,6 +1,6 @@
 """Step 0 of a run: random agents, pi_B's healthy experience, and students that start from pi_B."""
 
-from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -8,25 +8,31 @@ import numpy as np
 
 from srl_jax import lanes as lane_table
 from srl_jax import replay as replays
-from srl_jax.agents import behaviour, ddpg
+from srl_jax.agents import behaviour, ddpg, registry
 from srl_jax.blocks import blocked_map
 from srl_jax.engine import Engine, on_all, on_rows, replaying
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import ACTION_SIZE
-from srl_jax.state import COLLECT, LaneData, Program, TrainState, agent_module, bind_teachers, sharding
+from srl_jax.state import COLLECT, LaneData, Program, TrainState, bind_teachers, sharding
 
 CLONE_NOISE = 0.25  # on pi_B's actions while its healthy experience is collected, so that a clone sees its own errors
 
 
-def init_agents(program: Program) -> dict[str, ddpg.AgentState]:
-    """Randomly initialised agents of every row."""
+def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
+    """Every row's agent before it has learned anything."""
     size = hexapod.observation_size(program.config.task, program.config.env)
     agents = {}
     for algo, _ in program.layout.counts:
         config = program.agent_config(algo)
         keys = jnp.stack([lane_table.key(lane, "agent") for lane in program.layout.of(algo)])
-        init = partial(agent_module(config).init, observation_size=size, action_size=ACTION_SIZE, config=config)
-        agents[algo] = jax.jit(jax.vmap(init), out_shardings=sharding(program))(on_rows(program, keys))
+
+        def init(key: jax.Array, params: tuple, config=config, algo=algo):
+            teachers = bind_teachers(program, algo, params)
+            return registry.module(config).init(key, size, ACTION_SIZE, config=config, teachers=teachers)
+
+        index = rows_of(program, algo)
+        teachers = jax.tree.map(lambda x, index=index: x[index], lanes.teachers)
+        agents[algo] = jax.jit(jax.vmap(init), out_shardings=sharding(program))(on_rows(program, keys), teachers)
     return agents
 
 
@@ -39,7 +45,7 @@ def init_state(engine: Engine, lanes: LaneData) -> TrainState:
     empty = jax.jit(lambda: replays.Replay(jnp.zeros((rows, train.capacity, size))), out_shardings=place)
     return TrainState(
         clock=on_all(program, jnp.zeros((), jnp.int32)),
-        agents=init_agents(program),
+        agents=init_agents(program, lanes),
         replay=empty(),
         world=engine.new_world(lanes),
         alive=on_rows(program, jnp.ones(rows, bool)),
@@ -63,7 +69,7 @@ def from_behaviour(
     """
     program = engine.program
     config = program.config.train
-    cloned = [a for a, _ in program.layout.counts if program.agent_config(a).init == "behaviour"]
+    cloned = [a for a, _ in program.layout.counts if getattr(program.agent_config(a), "init", "") == "behaviour"]
     replayed = replaying(program)
     if not cloned and not replayed:
         return state, lanes
@@ -106,7 +112,7 @@ def start_actor(
 
         def lane(args):
             params, seen, key = args
-            teacher = bind_teachers(program, params)[0]
+            teacher = bind_teachers(program, algo, params)[0]
             updates = program.config.train.clone_updates
             return behaviour.clone(teacher, seen, key, config=config, updates=updates, action_size=ACTION_SIZE)[0]
 

@@ -9,12 +9,13 @@ import jax
 import jax.numpy as jnp
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
+from jax.tree_util import Partial
 
-from srl_jax.agents import ddpg, srl
-from srl_jax.agents.ddpg import AgentState
+from srl_jax.agents import ddpg, registry
 from srl_jax.agents.hyper import Hyper
 from srl_jax.bayes import controller
-from srl_jax.config import Config, DDPGConfig, SRLConfig
+from srl_jax.config import Config
+from srl_jax.env import gait as gaits
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE, EnvState, Hexapod
 from srl_jax.env.task import RewardTerms
@@ -76,7 +77,7 @@ class TrainState(NamedTuple):
     """Everything that training changes."""
 
     clock: jax.Array  # i32[] environment steps taken by every lane
-    agents: dict[str, AgentState]  # leaves [n, ...]
+    agents: dict[str, Any]  # leaves [n, ...]
     replay: Replay  # rows f32[R, C, W]
     world: World
     alive: jax.Array  # bool[R] False once a lane has met a number that is not finite; it is frozen then
@@ -88,7 +89,7 @@ class Tally(NamedTuple):
     episodes: jax.Array  # f32[R]
     totals: dict[str, jax.Array]  # f32[R] summed over finished episodes: return, distance, success, fell
     steps: jax.Array  # f32[R]
-    rates: dict[str, jax.Array]  # f32[R] summed over environment steps: chosen_teacher, reward terms
+    rates: dict[str, jax.Array]  # f32[R] summed over environment steps: who was chosen, reward terms
     updates: jax.Array  # f32[]
     losses: dict[str, dict[str, jax.Array]]  # f32[n] summed over updates, per algorithm
 
@@ -112,14 +113,22 @@ class Program:
         return self.config.train.environments
 
 
-def agent_module(config: DDPGConfig):
-    """The triple of functions behind a configuration."""
-    return srl if isinstance(config, SRLConfig) else ddpg
+def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[ddpg.Teacher, ...]:
+    """The teachers of an algorithm's lane, each a function of the observation and a pytree of its parameters."""
+    if getattr(program.agent_config(algo), "policy", "behaviour") == "tripod":
+        return (Partial(gaits.act, gaits.load()),)
+    return tuple(Partial(teacher, p) for teacher, p in zip(program.teachers, params, strict=True))
 
 
-def bind_teachers(program: Program, params: tuple[Params, ...]) -> tuple[ddpg.Teacher, ...]:
-    """The teachers as functions of the observation alone."""
-    return tuple(partial(teacher, p) for teacher, p in zip(program.teachers, params, strict=True))
+def student(program: Program, algo: str, actor: Params, params: tuple[Params, ...]) -> Partial:
+    """The policy f32[O] -> f32[18] that an algorithm has learned, from one lane's actor and teachers' parameters."""
+    config = program.agent_config(algo)
+
+    def policy(actor: Params, params: tuple[Params, ...], observation: jax.Array) -> jax.Array:
+        teachers = bind_teachers(program, algo, params)
+        return registry.module(config).student(actor, observation, config=config, teachers=teachers)
+
+    return Partial(policy, actor, params)
 
 
 def sharding(program: Program) -> NamedSharding:
@@ -127,9 +136,9 @@ def sharding(program: Program) -> NamedSharding:
     return NamedSharding(program.mesh, P(AXIS))
 
 
-def fresh_act_state() -> ActState:
-    """No noise, the student in command: the state of acting at the start of an episode."""
-    return ActState(noise=jnp.zeros(ACTION_SIZE), guidance=controller.init())
+def fresh_act_state(key: jax.Array) -> ActState:
+    """No noise, the student in command, a new seed: the state of acting at the start of an episode."""
+    return ActState(noise=jnp.zeros(ACTION_SIZE), guidance=controller.init(), seed=jax.random.bits(key))
 
 
 def zero_tally(program: Program, zeros: Any, rows: dict[str, int]) -> Tally:
@@ -141,15 +150,16 @@ def zero_tally(program: Program, zeros: Any, rows: dict[str, int]) -> Tally:
         rows: how many of them each algorithm has.
     """
     terms = [f"reward_{name}" for name in RewardTerms._fields]
-    losses = {}
-    for algo, count in rows.items():
-        guided = isinstance(program.agent_config(algo), SRLConfig)
-        losses[algo] = {name: zeros[:count] for name in ("critic_loss", "q", *(["p_guid"] if guided else []))}
+    losses = {
+        algo: {name: zeros[:count] for name in registry.module(program.agent_config(algo)).METRICS}
+        for algo, count in rows.items()
+    }
+    chosen = [f"chosen_{index}" for index in range(1, 1 + len(program.teachers))]
     return Tally(
         episodes=zeros,
         totals={name: zeros for name in ("return", "distance", "success", "fell")},
         steps=zeros,
-        rates={name: zeros for name in ("chosen_teacher", *terms)},
+        rates={name: zeros for name in ("chosen_teacher", *(chosen if len(chosen) > 1 else []), *terms)},
         updates=zeros[0],
         losses=losses,
     )

@@ -2,20 +2,20 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax.sharding import PartitionSpec as P
 
 from srl_jax import replay as replays
-from srl_jax.agents import ddpg
-from srl_jax.agents.ddpg import AgentState
+from srl_jax.agents import registry
 from srl_jax.agents.hyper import Hyper
 from srl_jax.blocks import blocked_map
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, EnvStep
-from srl_jax.learn import learn_rows
+from srl_jax.learn import learn_episodes, learn_rows
 from srl_jax.replay import Replay
 from srl_jax.state import (
     AXIS,
@@ -26,12 +26,11 @@ from srl_jax.state import (
     Tally,
     TrainState,
     World,
-    agent_module,
     bind_teachers,
     fresh_act_state,
     zero_tally,
 )
-from srl_jax.types import ActState, Transition
+from srl_jax.types import ActState, Episodes, Transition
 
 
 def init_world(program: Program, keys: jax.Array, damage: Damage) -> World:
@@ -39,11 +38,12 @@ def init_world(program: Program, keys: jax.Array, damage: Damage) -> World:
     count = program.environments
 
     def lane(key: jax.Array, damage_: Damage):
-        return jax.vmap(lambda k: hexapod.reset(program.robot, damage_, k))(jax.random.split(key, count))
+        keys_ = jax.random.split(key, count)
+        robots = jax.vmap(lambda k: hexapod.reset(program.robot, damage_, k))(keys_)
+        return *robots, jax.vmap(lambda k: fresh_act_state(jax.random.fold_in(k, 1)))(keys_)
 
-    env, observation = jax.vmap(lane)(keys, damage)
+    env, observation, act = jax.vmap(lane)(keys, damage)
     zeros = jnp.zeros(observation.shape[:2])
-    act = jax.tree.map(lambda x: jnp.broadcast_to(x, (*zeros.shape, *x.shape)), fresh_act_state())
     return World(env, act, observation, Episode(zeros, jnp.copy(zeros), jnp.copy(zeros)))
 
 
@@ -92,13 +92,15 @@ def vector_step(
         chosen=act_state.guidance.choice.astype(jnp.float32),
     )
     memory = store(state.replay, transition, state.clock, mode_.store, alive)
+    episodes = ended_episodes(program, state, act_state, env, step, alive & mode_.learn)
+    agents = learn_episodes(program, lanes, state.agents, episodes)
     tally, episode = count_step(tally, state.world.episode, act_state, step, alive, first_only=~mode_.store)
     world = auto_reset(
         program, lanes, state.world, World(env, act_state, step.observation, episode), step, keys[:, 1], alive
     )
 
     clock = state.clock + program.environments
-    state = TrainState(clock, state.agents, memory, world, alive)
+    state = TrainState(clock, agents, memory, world, alive)
     train = program.config.train
     turn = (clock // program.environments) % train.update_every == 0
     due = mode_.learn & (clock >= train.warmup) & turn
@@ -125,14 +127,15 @@ def act_rows(
     return jnp.concatenate(actions), jax.tree.map(lambda *x: jnp.concatenate(x), *act_states)
 
 
-def act_lane(program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: AgentState, rows: tuple, hyper: Hyper):
+def act_lane(program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: Any, rows: tuple, hyper: Hyper):
     """The actions f32[E, 18] of one lane's robots."""
     act_states, observations, key, teacher_params = rows
     config = program.agent_config(algo)
-    teachers = bind_teachers(program, teacher_params)
+    teachers = bind_teachers(program, algo, teacher_params)
+    agents = registry.module(config)
 
     def one(act_state: ActState, observation: jax.Array, key_: jax.Array):
-        own, new_state = agent_module(config).act(
+        own, new_state = agents.act(
             agent,
             act_state,
             observation,
@@ -142,7 +145,7 @@ def act_lane(program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: 
             step=clock.astype(jnp.float32),
             teachers=teachers,
         )
-        alone = ddpg.student(agent.actor, observation, config=config)
+        alone = agents.student(agent.actor, observation, config=config, teachers=teachers)
         advised = jnp.clip(teachers[0](observation) + mode_.noise * new_state.noise, -1.0, 1.0)
         return jax.lax.select_n(mode_.actor, own, alone, advised), new_state
 
@@ -175,6 +178,23 @@ def store(memory: Replay, transition: Transition, clock: jax.Array, wanted: jax.
     return Replay(jax.lax.dynamic_update_slice(memory.rows, rows, start))
 
 
+def ended_episodes(
+    program: Program, state: TrainState, act_state: ActState, env: EnvState, step: EnvStep, learning: jax.Array
+) -> Episodes:
+    """The episodes that this step has ended, leaves [R, E]; none of them in rows that are not `learning` bool[R]."""
+    now = state.clock // program.environments + 1
+    running = state.world.episode
+    assert act_state.seed is not None
+    return Episodes(
+        ended=(step.terminated | step.truncated) & learning[:, None],
+        seed=act_state.seed,
+        returns=running.reward + step.reward,
+        distance=running.progress + step.progress,
+        began=now - env.steps,
+        now=jnp.full_like(env.steps, now),
+    )
+
+
 def count_step(
     tally: Tally,
     episode: Episode,
@@ -193,7 +213,9 @@ def count_step(
     counted = done * (~first_only | (episode.finished == 0.0))
     reward, progress = episode.reward + step.reward, episode.progress + step.progress
     ended = {"return": reward, "distance": progress, "success": step.success, "fell": step.fell}
-    rates = {"chosen_teacher": act_state.guidance.choice > 0}
+    choice = act_state.guidance.choice
+    rates = {"chosen_teacher": choice > 0}
+    rates |= {name: choice == int(name.removeprefix("chosen_")) for name in tally.rates if name[7:].isdigit()}
     rates |= {f"reward_{name}": value for name, value in step.terms._asdict().items()}
     tally = tally._replace(
         episodes=tally.episodes + counted.sum(1),

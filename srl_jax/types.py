@@ -30,3 +30,15 @@ class ActState(NamedTuple):
 
     noise: jax.Array  # f32[A] correlated exploration noise, unit variance
     guidance: GuidanceState
+    seed: jax.Array | None = None  # u32[] of the episode, for agents that draw something once an episode
+
+
+class Episodes(NamedTuple):
+    """The episodes that robots have ended at one step, for agents that learn from whole episodes."""
+
+    ended: jax.Array  # bool[] False: still under way (or not to be learned from), and the rest means nothing
+    seed: jax.Array  # u32[] as in `ActState`
+    returns: jax.Array  # f32[] sum of rewards
+    distance: jax.Array  # f32[] m come closer, as the task counts it
+    began: jax.Array  # i32[] the lane's control step at which it began
+    now: jax.Array  # i32[] and the one at which it ended

@@ -8,7 +8,8 @@ import pytest
 import tyro
 
 from srl_jax.agents import hyper
-from srl_jax.config import ALGORITHMS, TASKS, Config, DDPGConfig, SRLConfig, preset
+from srl_jax.agents.settings import DDPGConfig, SRLConfig
+from srl_jax.config import ACTOR_CRITICS, ALGORITHMS, TASKS, Config, preset
 
 
 def test_default_preset_is_the_config():
@@ -28,7 +29,7 @@ def test_presets_are_consistent(name):
     assert train.capacity % train.environments == 0
     assert train.checkpoint_every % train.evaluate_every == 0
     assert config.steps % train.evaluate_every == 0
-    for algo in ALGORITHMS:
+    for algo in ACTOR_CRITICS:
         agent = getattr(config, algo)
         assert len(hyper.variants(agent)) == 1, "a preset must not sweep"
         assert agent.batch <= train.capacity
@@ -41,7 +42,7 @@ def test_presets_are_consistent(name):
 def test_paper_preset_is_its_table():
     config = preset("paper")
     assert (config.train.capacity, config.env.episode_steps, config.steps) == (1600, 2500, 7000 * 2500)
-    for algo in ALGORITHMS:
+    for algo in ACTOR_CRITICS:
         agent = getattr(config, algo)
         assert agent.hidden == (1200, 1200, 1200, 1200, 600) and agent.batch == 300
         assert (agent.critic_optimiser, agent.actor_optimiser) == ("adam", "rmsprop")

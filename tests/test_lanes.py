@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from srl_jax import lanes
-from srl_jax.config import Config, DDPGConfig, SRLConfig
+from srl_jax.agents.settings import DDPGConfig, SRLConfig
+from srl_jax.config import Config
 from srl_jax.lanes import Lane
 
 SEEDS, DAMAGES = (0, 1, 5), ("healthy", "leg_rm")

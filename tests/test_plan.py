@@ -5,7 +5,8 @@ import dataclasses
 import pytest
 
 from srl_jax import plan
-from srl_jax.config import SRLConfig, TrainConfig, preset
+from srl_jax.agents.settings import SRLConfig
+from srl_jax.config import TrainConfig, preset
 
 
 def config(**changes):

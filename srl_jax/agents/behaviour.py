@@ -8,7 +8,7 @@ import optax
 
 from srl_jax.agents.ddpg import Teacher, student
 from srl_jax.agents.networks import Actor
-from srl_jax.config import DDPGConfig
+from srl_jax.agents.settings import DDPGConfig
 from srl_jax.types import Params
 
 BATCH = 128

@@ -13,12 +13,13 @@ import optax
 
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.networks import Actor, Critic
-from srl_jax.config import DDPGConfig
+from srl_jax.agents.settings import DDPGConfig
 from srl_jax.distributions import normal
 from srl_jax.types import ActState, Params, Transition
 
 Teacher = Callable[[jax.Array], jax.Array]  # observation f32[O] -> action f32[A]
 Metrics = dict[str, jax.Array]
+METRICS = ("critic_loss", "q")
 
 
 class AgentState(NamedTuple):
@@ -47,8 +48,11 @@ def critic_fn(config: DDPGConfig) -> Callable[..., jax.Array]:
     return Critic(config.hidden, config.layer_norm).apply  # type: ignore[return-value]
 
 
-def student(actor: Params, observation: jax.Array, *, config: DDPGConfig) -> jax.Array:
-    """The deterministic policy f32[..., O] -> f32[..., A]."""
+def student(
+    actor: Params, observation: jax.Array, *, config: DDPGConfig, teachers: Sequence[Teacher] = ()
+) -> jax.Array:
+    """The deterministic policy f32[..., O] -> f32[..., A]; it asks no teacher."""
+    del teachers
     size = actor["params"]["action"]["bias"].shape[-1]
     return Actor(config.hidden, size, config.layer_norm).apply(actor, observation)  # type: ignore[return-value]
 
@@ -59,9 +63,11 @@ def init(
     action_size: int,
     *,
     config: DDPGConfig,
+    teachers: Sequence[Teacher] = (),
     actor: Params | None = None,
 ) -> AgentState:
     """Fresh networks; the actor may be given (the start from pi_B)."""
+    del teachers
     actor_key, critic_key = jax.random.split(key)
     observation, action = jnp.zeros(observation_size), jnp.zeros(action_size)
     if actor is None:

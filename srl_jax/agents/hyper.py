@@ -6,13 +6,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from srl_jax.config import DDPGConfig
+from srl_jax.agents.settings import AgentConfig
 
 
 class Hyper(NamedTuple):
     """One lane's values, each f32[]; meanings stand at the fields of the same name in `config`.
 
-    DDPG reads the first group only; the second is zero for it.
+    DDPG reads the first group only, SRL the first two, a search the third; the others are zero for it.
     """
 
     actor_lr: jax.Array
@@ -37,14 +37,19 @@ class Hyper(NamedTuple):
     alpha: jax.Array
     precision: jax.Array
 
+    search_rate: jax.Array
+    spread: jax.Array
+    spread_floor: jax.Array
+    return_noise: jax.Array
 
-def from_config(config: DDPGConfig, **chosen: float) -> Hyper:
+
+def from_config(config: AgentConfig, **chosen: float) -> Hyper:
     """The hyper-parameters of a config, with `chosen` values in place of its first ones."""
     values = {name: getattr(config, name, (0.0,))[0] for name in Hyper._fields} | chosen
     return Hyper(**{name: jnp.float32(value) for name, value in values.items()})
 
 
-def variants(config: DDPGConfig) -> list[dict[str, float]]:
+def variants(config: AgentConfig) -> list[dict[str, float]]:
     """Every combination of the fields that were given several values, as overrides for `from_config`."""
     swept = {name: getattr(config, name) for name in Hyper._fields if len(getattr(config, name, ())) > 1}
     return [dict(zip(swept, values, strict=True)) for values in itertools.product(*swept.values())]

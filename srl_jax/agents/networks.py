@@ -6,7 +6,7 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from srl_jax.config import DDPGConfig
+from srl_jax.agents.settings import DDPGConfig
 
 _small = nn.initializers.variance_scaling(1e-2, "fan_in", "uniform")
 _hidden = nn.initializers.variance_scaling(1.0 / 3.0, "fan_in", "uniform")

@@ -13,11 +13,12 @@ import jax.numpy as jnp
 from srl_jax.agents import ddpg
 from srl_jax.agents.ddpg import AgentState, Metrics, Teacher, critic_fn, student
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.settings import SRLConfig
 from srl_jax.bayes import controller, dropout, thompson
-from srl_jax.config import SRLConfig
 from srl_jax.types import ActState, Params, Transition
 
 init = ddpg.init
+METRICS = (*ddpg.METRICS, "p_guid")
 
 
 def posterior_masks(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposals: int = 0) -> tuple:

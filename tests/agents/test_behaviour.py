@@ -9,7 +9,7 @@ import numpy as np
 
 from srl_jax.agents import behaviour
 from srl_jax.agents.ddpg import student
-from srl_jax.config import DDPGConfig
+from srl_jax.agents.settings import DDPGConfig
 
 CONFIG = DDPGConfig(hidden=(16, 16))
 

@@ -11,8 +11,8 @@ import pytest
 
 from srl_jax.agents import ddpg
 from srl_jax.agents.hyper import from_config
+from srl_jax.agents.settings import DDPGConfig
 from srl_jax.bayes import controller
-from srl_jax.config import DDPGConfig
 from srl_jax.types import ActState, Transition
 
 OBSERVATION, ACTION, BATCH = 4, 2, 6

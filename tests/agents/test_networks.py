@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from srl_jax.agents.networks import Actor, Critic, network_sizes
-from srl_jax.config import DDPGConfig, preset
+from srl_jax.agents.settings import DDPGConfig
+from srl_jax.config import preset
 
 HIDDEN, OBSERVATION, ACTION = (8, 6), 4, 2
 RNG = np.random.default_rng(0)

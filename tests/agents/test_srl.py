@@ -10,8 +10,8 @@ import pytest
 
 from srl_jax.agents import ddpg, srl
 from srl_jax.agents.hyper import from_config
+from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import dropout
-from srl_jax.config import DDPGConfig, SRLConfig
 from srl_jax.types import Transition
 from tests.agents.reference import convinced_critic, loop_draws
 
