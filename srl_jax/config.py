@@ -7,11 +7,11 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Literal
 
-from srl_jax.agents.settings import ACTEACH, DDPGConfig, FrozenConfig, SearchConfig, SRLConfig
+from srl_jax.agents.settings import ACTEACH, BACConfig, DDPGConfig, FrozenConfig, SearchConfig, SRLConfig
 
 TASKS = ("x", "xy", "p2p")
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
-ALGORITHMS = (*ACTOR_CRITICS, "mcpg", "bpg", "tripod", "pi_b")
+ALGORITHMS = (*ACTOR_CRITICS, "bac", "mcpg", "bpg", "tripod", "pi_b")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Config:
     seeds: str = "10"
     """A count (seeds 0..N-1) or a list (3,7,11)."""
     algos: str = "ddpg,srl"
-    """Any of ddpg, srl, ddpg_warm, acteach, mcpg, bpg, tripod, pi_b, separated by commas."""
+    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, tripod, pi_b, separated by commas."""
     damage: str = "task"
     """task (the paper's, all six legs), all (the catalogue), losses21, or names such as tibia_rm,leg_rm+leg_lf."""
     damage_schedule: str = ""
@@ -96,6 +96,7 @@ class Config:
     ddpg_warm: DDPGConfig = field(default_factory=lambda: DDPGConfig(init="behaviour"))
     acteach: SRLConfig = field(default_factory=lambda: ACTEACH)
     srl: SRLConfig = field(default_factory=SRLConfig)
+    bac: BACConfig = field(default_factory=BACConfig)
     mcpg: SearchConfig = field(default_factory=SearchConfig)
     bpg: SearchConfig = field(default_factory=lambda: SearchConfig(estimator="model2"))
     tripod: FrozenConfig = field(default_factory=lambda: FrozenConfig(policy="tripod"))
@@ -148,6 +149,7 @@ def preset(name: str) -> Config:
             for algo in ACTOR_CRITICS
         }
         env = dataclasses.replace(base.env, episode_steps=40)
+        agents["bac"] = dataclasses.replace(base.bac, hidden=(32, 32), batch=32, freeze=(400.0,))
         return dataclasses.replace(
             base, seeds="2", damage="leg_rm", algos="ddpg,srl", steps=1_600, env=env, train=train, **agents
         )

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from srl_jax import replay as replays
 from srl_jax.agents import registry
 from srl_jax.agents.hyper import Hyper
-from srl_jax.agents.settings import AgentConfig, DDPGConfig
+from srl_jax.agents.settings import ActorConfig, AgentConfig
 from srl_jax.blocks import blocked_map
 from srl_jax.state import LaneData, Program, Tally, TrainState, bind_teachers
 from srl_jax.types import Episodes
@@ -32,7 +32,7 @@ def learn_rows(
 
 def batch_size(config: AgentConfig) -> int:
     """Transitions that one update of an agent takes; none for those that do not replay."""
-    return config.batch * config.critic_updates if isinstance(config, DDPGConfig) else 0
+    return config.batch * getattr(config, "critic_updates", 1) if isinstance(config, ActorConfig) else 0
 
 
 def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Array:

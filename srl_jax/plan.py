@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from srl_jax import lanes as lane_table
 from srl_jax.agents.networks import network_sizes
-from srl_jax.agents.settings import DDPGConfig, SearchConfig
+from srl_jax.agents.settings import ActorConfig, DDPGConfig, SearchConfig
 from srl_jax.config import ALGORITHMS, Config
 from srl_jax.env import damage as damages
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
@@ -108,12 +108,13 @@ def check_numbers(config: Config) -> None:
         )
     for algo in parse_algos(config.algos):
         agent = getattr(config, algo)
-        if isinstance(agent, DDPGConfig):
-            check_actor_critic(algo, agent)
+        if isinstance(agent, ActorConfig):
+            check_actor(algo, agent)
         if isinstance(agent, SearchConfig):
             check_search(algo, agent, config.behaviour)
 
 
+KERNEL = ("kernel_length", "value_scale", "advantage_scale", "reward_noise")
 RANGES = {
     "gamma": (0.0, 1.0),
     "tau": (0.0, 1.0),
@@ -138,18 +139,12 @@ def check_search(algo: str, config: SearchConfig, behaviour: str) -> None:
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
 
 
-def check_actor_critic(algo: str, config: DDPGConfig) -> None:
-    """Raises ValueError for settings of DDPG or SRL that make no sense."""
-    if not config.hidden or min(config.hidden) < 1 or config.critics < 1 or config.batch < 1:
-        raise ValueError(
-            f"{algo}.hidden, critics and batch must be positive: {config.hidden}, {config.critics}, {config.batch}."
-        )
-    for name in ("draws", "guidance_draws"):
-        draws = getattr(config, name, config.critics)
-        if draws < 1 or draws % config.critics:
-            raise ValueError(f"{algo}.{name} is {draws}: it must be a positive multiple of critics={config.critics}.")
-    if config.critic_updates < 1:
-        raise ValueError(f"{algo}.critic_updates is {config.critic_updates}: it must be at least 1.")
+def check_actor(algo: str, config: ActorConfig) -> None:
+    """Raises ValueError for settings of an agent with networks that make no sense."""
+    if not config.hidden or min(config.hidden) < 1 or config.batch < 1:
+        raise ValueError(f"{algo}.hidden and batch must be positive: {config.hidden}, {config.batch}.")
+    if isinstance(config, DDPGConfig):
+        check_ensemble(algo, config)
     for name, (low, high) in RANGES.items():
         for value in getattr(config, name, ()):
             if not low <= value <= high:
@@ -164,9 +159,20 @@ def check_actor_critic(algo: str, config: DDPGConfig) -> None:
     ):
         if any(value < 0.0 for value in getattr(config, name, ())):
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must not be negative.")
-    for name in ("prior_decay", "guidance_decay"):
+    for name in ("prior_decay", "guidance_decay", *KERNEL):
         if any(value <= 0.0 for value in getattr(config, name, ())):
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
+
+
+def check_ensemble(algo: str, config: DDPGConfig) -> None:
+    """Raises ValueError for a critic ensemble, or posterior draws of it, that cannot be."""
+    for name, value in (("critics", config.critics), ("critic_updates", config.critic_updates)):
+        if value < 1:
+            raise ValueError(f"{algo}.{name} is {value}: it must be at least 1.")
+    for name in ("draws", "guidance_draws"):
+        draws = getattr(config, name, config.critics)
+        if draws < 1 or draws % config.critics:
+            raise ValueError(f"{algo}.{name} is {draws}: it must be a positive multiple of critics={config.critics}.")
 
 
 def memory_bytes(config: Config, rows: int) -> dict[str, int]:
@@ -178,7 +184,7 @@ def memory_bytes(config: Config, rows: int) -> dict[str, int]:
     replay = rows * config.train.capacity * width(size, ACTION_SIZE) * 4
     checkpoint = rows * min(config.train.capacity, config.steps) * width(size, ACTION_SIZE) * 4
     agents = [getattr(config, algo) for algo in parse_algos(config.algos)]
-    per_algo = [network_sizes(agent, size, ACTION_SIZE) for agent in agents if isinstance(agent, DDPGConfig)]
+    per_algo = [network_sizes(agent, size, ACTION_SIZE) for agent in agents if isinstance(agent, ActorConfig)]
     networks = rows * max((4 * actor + 4 * critic for actor, critic in per_algo), default=0) * 4
     return {"replay": replay, "checkpoint copy": checkpoint, "networks": networks, "program": 2**30}
 

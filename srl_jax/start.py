@@ -8,7 +8,7 @@ import numpy as np
 
 from srl_jax import lanes as lane_table
 from srl_jax import replay as replays
-from srl_jax.agents import behaviour, ddpg, registry
+from srl_jax.agents import behaviour, registry
 from srl_jax.blocks import blocked_map
 from srl_jax.engine import Engine, on_all, on_rows, replaying
 from srl_jax.env import hexapod
@@ -95,12 +95,12 @@ def rows_of(program: Program, algo: str) -> np.ndarray:
 def start_actor(
     program: Program,
     algo: str,
-    agents: ddpg.AgentState,
+    agents: Any,
     experience: jax.Array,
     lanes: LaneData,
     index: np.ndarray,
     network: bool,
-) -> ddpg.AgentState:
+) -> Any:
     """Agents whose actors, online and target, are pi_B or its clone."""
     config = program.agent_config(algo)
     teachers = jax.tree.map(lambda x: x[index], lanes.teachers)
@@ -119,5 +119,7 @@ def start_actor(
         block = 0 if program.wide else program.config.train.update_block
         actor = jax.jit(lambda args: blocked_map(jax.vmap(lane), args, block))((teachers, observations, keys))
     actor = on_rows(program, actor)
-    target = jax.tree.map(jnp.copy, actor)  # donated buffers must not alias
-    return agents._replace(actor=actor, target_actor=target)
+    started = agents._replace(actor=actor)
+    if "target_actor" in agents._fields:
+        started = started._replace(target_actor=jax.tree.map(jnp.copy, actor))  # donated buffers must not alias
+    return started

@@ -4,7 +4,7 @@ The pieces of its update (`critic_step`, `actor_step`, `track`) are what the oth
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import chex
 import jax
@@ -13,7 +13,7 @@ import optax
 
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.networks import Actor, Critic
-from srl_jax.agents.settings import DDPGConfig
+from srl_jax.agents.settings import ActorConfig, DDPGConfig
 from srl_jax.distributions import normal
 from srl_jax.types import ActState, Params, Transition
 
@@ -49,7 +49,7 @@ def critic_fn(config: DDPGConfig) -> Callable[..., jax.Array]:
 
 
 def student(
-    actor: Params, observation: jax.Array, *, config: DDPGConfig, teachers: Sequence[Teacher] = ()
+    actor: Params, observation: jax.Array, *, config: ActorConfig, teachers: Sequence[Teacher] = ()
 ) -> jax.Array:
     """The deterministic policy f32[..., O] -> f32[..., A]; it asks no teacher."""
     del teachers
@@ -100,12 +100,12 @@ def explore(
 
 
 def act(
-    state: AgentState,
+    state: Any,
     act_state: ActState,
     observation: jax.Array,
     key: jax.Array,
     *,
-    config: DDPGConfig,
+    config: ActorConfig,
     hyper: Hyper,
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
@@ -113,7 +113,7 @@ def act(
     """The student's action with exploration noise.
 
     Args:
-        state: networks.
+        state: whose ``actor`` acts.
         act_state: noise and guidance carried by this environment (see `types.ActState`).
         observation: f32[O].
         key: random key.
@@ -166,9 +166,14 @@ def actor_step(
 ) -> tuple[AgentState, Metrics]:
     """One descent step of the actor on ``loss(params) -> (f32[], metrics)``; none while the actor is frozen."""
     gradient, metrics = jax.grad(loss, has_aux=True)(state.actor)
+    return move_actor(state, gradient, config=config, hyper=hyper, step=step), metrics
+
+
+def move_actor(state: Any, gradient: Params, *, config: ActorConfig, hyper: Hyper, step: jax.Array) -> Any:
+    """The state after one descent step of its actor along a gradient; none while the actor is frozen."""
     direction, opt = optimiser(config.actor_optimiser).update(gradient, state.actor_optimiser)
     rate = jnp.where(step >= hyper.freeze, hyper.actor_lr, 0.0)
-    return state._replace(actor=descend(state.actor, direction, rate), actor_optimiser=opt), metrics
+    return state._replace(actor=descend(state.actor, direction, rate), actor_optimiser=opt)
 
 
 def track(online: Params, target: Params, *, hyper: Hyper) -> Params:

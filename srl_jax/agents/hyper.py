@@ -12,7 +12,8 @@ from srl_jax.agents.settings import AgentConfig
 class Hyper(NamedTuple):
     """One lane's values, each f32[]; meanings stand at the fields of the same name in `config`.
 
-    DDPG reads the first group only, SRL the first two, a search the third; the others are zero for it.
+    DDPG reads the first group only, SRL two, an episodic search the third, Bayesian actor-critic the last;
+    what an agent lacks is zero for it.
     """
 
     actor_lr: jax.Array
@@ -41,6 +42,11 @@ class Hyper(NamedTuple):
     spread: jax.Array
     spread_floor: jax.Array
     return_noise: jax.Array
+
+    kernel_length: jax.Array
+    value_scale: jax.Array
+    advantage_scale: jax.Array
+    reward_noise: jax.Array
 
 
 def from_config(config: AgentConfig, **chosen: float) -> Hyper:

@@ -15,6 +15,7 @@ from srl_jax.agents import settings
 _MODULES = {
     settings.DDPGConfig: "srl_jax.agents.ddpg",
     settings.SRLConfig: "srl_jax.agents.srl",
+    settings.BACConfig: "srl_jax.agents.bac",
     settings.FrozenConfig: "srl_jax.agents.frozen",
     settings.SearchConfig: "srl_jax.agents.search",
 }

@@ -28,29 +28,21 @@ Sweep = Annotated[
 
 
 @dataclass(frozen=True)
-class DDPGConfig:
-    """DDPG (Lillicrap et al. 2016) with an ensemble of critics and, optionally, a start from pi_B."""
+class ActorConfig:
+    """What every agent has that learns a network of an actor from a replay."""
 
     hidden: tuple[int, ...] = (64, 64)
     """Hidden widths of actor and critic."""
     layer_norm: bool = True
     """LayerNorm after each hidden layer."""
-    critics: int = 2
-    """Members of the critic ensemble; targets and actor use their mean."""
     batch: int = 128
     """Transitions in a mini-batch."""
-    critic_updates: int = 2
-    """Mini-batches the critic learns from in one update, to one of the actor."""
-    critic_optimiser: Literal["adam", "rmsprop"] = "adam"
     actor_optimiser: Literal["adam", "rmsprop"] = "adam"
     init: Literal["random", "behaviour"] = "random"
     """behaviour: the actor starts from pi_B's parameters (from cloning where pi_B is scripted)."""
     actor_lr: Sweep = (3e-4,)
-    critic_lr: Sweep = (1e-3,)
     gamma: Sweep = (0.97,)
     """Discount."""
-    tau: Sweep = (0.05,)
-    """Rate of the target networks' soft update."""
     noise: Sweep = (0.25,)
     """Standard deviation of the exploration noise at the start."""
     noise_decay: Sweep = (1.0,)
@@ -68,6 +60,20 @@ class DDPGConfig:
             value = getattr(self, entry.name)
             if isinstance(entry.default, tuple) and isinstance(value, float):
                 object.__setattr__(self, entry.name, (value,))
+
+
+@dataclass(frozen=True)
+class DDPGConfig(ActorConfig):
+    """DDPG (Lillicrap et al. 2016) with an ensemble of critics and, optionally, a start from pi_B."""
+
+    critics: int = 2
+    """Members of the critic ensemble; targets and actor use their mean."""
+    critic_updates: int = 2
+    """Mini-batches the critic learns from in one update, to one of the actor."""
+    critic_optimiser: Literal["adam", "rmsprop"] = "adam"
+    critic_lr: Sweep = (1e-3,)
+    tau: Sweep = (0.05,)
+    """Rate of the target networks' soft update."""
 
 
 @dataclass(frozen=True)
@@ -165,4 +171,22 @@ class SearchConfig:
     """Variance of the observation noise on standardised returns (Bayesian quadrature only)."""
 
 
-AgentConfig = DDPGConfig | SRLConfig | FrozenConfig | SearchConfig
+@dataclass(frozen=True)
+class BACConfig(ActorConfig):
+    """Bayesian actor-critic (Ghavamzadeh & Engel 2007) with a Gaussian around a deterministic actor."""
+
+    batch: int = 64
+    """Transitions in a mini-batch, all of which meet in one Gaussian process."""
+    init: Literal["random", "behaviour"] = "behaviour"
+    noise_correlation: Sweep = (0.0,)
+    kernel_length: Sweep = (3.0,)
+    """Length scale of the critic's kernel of observations (whose components are of order one)."""
+    value_scale: Sweep = (100.0,)
+    """Prior variance of the value of a state."""
+    advantage_scale: Sweep = (1.0,)
+    """Prior variance of the advantage of an action."""
+    reward_noise: Sweep = (0.1,)
+    """Variance of a temporal difference about the process."""
+
+
+AgentConfig = DDPGConfig | SRLConfig | BACConfig | FrozenConfig | SearchConfig

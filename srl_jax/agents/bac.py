@@ -1,0 +1,95 @@
+"""Bayesian actor-critic (Ghavamzadeh & Engel 2007) for networks: a Gaussian policy around a deterministic actor.
+
+The critic is a Gaussian process of temporal differences over one mini-batch, whose kernel is a state kernel plus the
+Fisher kernel of the actor's own scores; the policy gradient then is a weighted sum of those scores, in closed form. The
+form by Gram matrices (Akella et al. 2021) needs no matrix of the size of the network. States come from a replay, so the
+gradient is that of the states that were visited, as in other off-policy actor-critics.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+
+from srl_jax.agents import ddpg
+from srl_jax.agents.ddpg import Metrics, Teacher, student
+from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.networks import Actor
+from srl_jax.agents.settings import BACConfig
+from srl_jax.bayes import gptd, gram
+from srl_jax.types import Params, Transition
+
+METRICS = ("explained", "gradient_norm", "gradient_failed")
+
+__all__ = ["METRICS", "act", "init", "student", "update"]
+
+
+class BACState(NamedTuple):
+    """The actor and its optimiser; the critic is made anew from every mini-batch."""
+
+    actor: Params
+    critic: tuple
+    actor_optimiser: optax.OptState
+
+
+def init(
+    key: jax.Array,
+    observation_size: int,
+    action_size: int,
+    *,
+    config: BACConfig,
+    teachers: Sequence[Teacher] = (),
+) -> BACState:
+    """A fresh actor; arguments as `ddpg.init`."""
+    del teachers
+    actor = Actor(config.hidden, action_size, config.layer_norm).init(key, jnp.zeros(observation_size))
+    return BACState(actor, (), ddpg.optimiser(config.actor_optimiser).init(actor))
+
+
+act = ddpg.act
+
+
+def scores(actor: Params, batch: Transition, deviation: jax.Array, *, config: BACConfig) -> Params:
+    """``grad log N(a; pi(s), sigma^2 I)`` with respect to the actor: a pytree of f32[B, ...]."""
+
+    def log_density(params: Params, observation: jax.Array, action: jax.Array) -> jax.Array:
+        return -0.5 * jnp.sum(jnp.square((action - student(params, observation, config=config)) / deviation))
+
+    return jax.vmap(jax.grad(log_density), (None, 0, 0))(actor, batch.observation, batch.action)
+
+
+def update(
+    state: BACState,
+    batch: Transition,
+    key: jax.Array,
+    *,
+    config: BACConfig,
+    hyper: Hyper,
+    step: jax.Array,
+    teachers: Sequence[Teacher] = (),
+) -> tuple[BACState, Metrics]:
+    """One step of the actor along the posterior mean of its gradient, ``U alpha``; arguments as `ddpg.update`.
+
+    Returns:
+        The new state and scalar metrics: ``explained``, the norm of the gradient's mean over that of its prior;
+        ``gradient_norm``; ``gradient_failed``, 1 where the process could not be fitted and nothing was learned.
+    """
+    del key, teachers
+    directions = scores(state.actor, batch, ddpg.noise_scale(hyper, step), config=config)
+    products = gram.matrix(directions)
+    value = gptd.rbf(hyper.kernel_length, hyper.value_scale)
+    discounts = hyper.gamma * batch.discount
+    covariance = gptd.state_kernel(value, batch.observation, batch.next_observation, discounts)
+    posterior = gram.posterior(
+        products, batch.reward, covariance, noise=hyper.reward_noise, scale=hyper.advantage_scale
+    )
+    gradient = gram.combine(posterior.weights, directions)
+    # A gradient that could not be estimated is zero, and Adam must not see it either.
+    moved = ddpg.move_actor(state, jax.tree.map(jnp.negative, gradient), config=config, hyper=hyper, step=step)
+    state = jax.tree.map(lambda new, old: jnp.where(posterior.ok, new, old), moved, state)
+    prior = jnp.sqrt(hyper.advantage_scale * jnp.mean(jnp.diagonal(products)))
+    norm = optax.tree.norm(gradient)
+    metrics = {"explained": norm / prior, "gradient_norm": norm, "gradient_failed": 1.0 - posterior.ok}
+    return state, metrics
