@@ -106,7 +106,9 @@ def update_flops() -> float:
     """
     import jax
     import jax.numpy as jnp
+    from jax.tree_util import Partial
 
+    from srl_jax import plan
     from srl_jax.agents import registry
     from srl_jax.agents.hyper import from_config
     from srl_jax.config import preset
@@ -121,7 +123,7 @@ def update_flops() -> float:
         module, hyper = registry.module(agent), from_config(agent)
         state = module.init(jax.random.key(0), size, ACTION_SIZE, config=agent)
         batch = unpack(jnp.zeros((agent.batch, width(size, ACTION_SIZE))), size)
-        teachers = (lambda observation: gait.apply(gait.params(0), observation),)
+        teachers = (Partial(gait.apply, gait.params(plan.make(config).lanes[0])),)
         settings = {"config": agent, "hyper": hyper, "step": jnp.float32(1e6), "teachers": teachers}
         update = jax.jit(lambda s, b, k, module=module, settings=settings: module.update(s, b, k, **settings))
         cost: Any = update.lower(state, batch, jax.random.key(0)).compile().cost_analysis()

@@ -1,4 +1,4 @@
-"""Orbax checkpoints: the whole state of a run, and beside it the students alone, which are small and often wanted."""
+"""Orbax checkpoints: the whole state of a run, and beside it the networks alone, which are small and often wanted."""
 
 import contextlib
 import errno
@@ -41,10 +41,10 @@ def save(
     """
     step = int(state.clock)
     payload = _payload(state, lanes, tally, _filled(state, step))
-    students = {algo: agent.actor for algo, agent in state.agents.items()}
+    small = {algo: {"actor": agent.actor, "critic": agent.critic} for algo, agent in state.agents.items()}
     if not last:
-        payload, students = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, students))
-    items = ocp.args.Composite(state=ocp.args.StandardSave(payload), students=ocp.args.StandardSave(students))
+        payload, small = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, small))
+    items = ocp.args.Composite(state=ocp.args.StandardSave(payload), networks=ocp.args.StandardSave(small))
     keeper.save(step, args=items)
 
 
@@ -68,8 +68,8 @@ def restore(
     return train_state._replace(replay=replay), lanes._replace(prior=found["prior"]), found["tally"]
 
 
-def students(directory: Path) -> dict[str, Any]:
-    """Actor parameters of every row, by algorithm, from the newest checkpoint of a run's directory.
+def networks(directory: Path) -> dict[str, Any]:
+    """``{"actor", "critic"}`` of every row, by algorithm, from the newest checkpoint of a run's directory.
 
     Raises:
         ValueError: there is no checkpoint, or it cannot be read.
@@ -80,14 +80,19 @@ def students(directory: Path) -> dict[str, Any]:
         step = keeper.latest_step()
         if step is None:
             raise ValueError(f"{directory} holds no complete checkpoint: a finished run has one.")
-        return _read(keeper, step, students=ocp.args.StandardRestore(_on_one_device(directory, step)))["students"]
+        return _read(keeper, step, networks=ocp.args.StandardRestore(_on_one_device(directory, step)))["networks"]
+
+
+def students(directory: Path) -> dict[str, Any]:
+    """The actors alone; see `networks`."""
+    return {algo: found["actor"] for algo, found in networks(directory).items()}
 
 
 def _on_one_device(directory: Path, step: int) -> Any:
-    """What the students of a checkpoint look like on this machine, whatever devices the run had."""
+    """What the networks of a checkpoint look like on this machine, whatever devices the run had."""
     device = jax.sharding.SingleDeviceSharding(jax.devices()[0])
     with ocp.StandardCheckpointer() as reader:
-        stored = reader.metadata(directory.absolute() / str(step) / "students").item_metadata
+        stored = reader.metadata(directory.absolute() / str(step) / "networks").item_metadata
     return jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=device), dict(stored.tree))
 
 

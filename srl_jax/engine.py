@@ -82,7 +82,7 @@ def lane_data(program: Program, teachers: tuple[Behaviour, ...], stream: str, da
         key=jnp.stack([lane_table.key(lane, stream) for lane in layout.rows]),
         damage=damage_rows(damage_names),
         hyper=hyper,
-        teachers=tuple(stack([t.params(lane.seed) for lane in layout.rows]) for t in teachers),
+        teachers=tuple(stack([t.params(lane) for lane in layout.rows]) for t in teachers),
         prior=empty_prior(program),
     )
     return on_rows(program, data)

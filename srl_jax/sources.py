@@ -1,4 +1,4 @@
-"""Where pi_B comes from: the scripted gait, a healthy policy learned first, or the students of a finished run."""
+"""Where pi_B comes from, and its fellow teachers: the scripted gait, what is learned or tried first, a finished run."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,41 +12,55 @@ from srl_jax import checkpoint, output, plan
 from srl_jax import lanes as lane_table
 from srl_jax.agents import behaviour as behaviours
 from srl_jax.config import Config
+from srl_jax.env import damage as damages
 from srl_jax.env import gait as gaits
+from srl_jax.lanes import Lane
 from srl_jax.types import Params
 
-STUDENTS = (
-    "srl",
-    "ddpg_warm",
-    "ddpg",
-    "acteach",
-)  # whose students are taken from a finished run, first found
+STUDENTS = ("srl", "ddpg_warm", "ddpg", "acteach")  # whose students are taken from a finished run, first found
 
 
 @dataclasses.dataclass(frozen=True)
 class Behaviour:
-    """pi_B: a function of (parameters, observation), and its parameters for every seed."""
+    """pi_B, or one of several: a function of (parameters, observation), and its parameters for every lane."""
 
     apply: Callable[[Params, jax.Array], jax.Array]
-    params: Callable[[int], Params]  # seed -> parameters
+    params: Callable[[Lane], Params]
     clock_hz: float
     network: bool = False  # whether an actor of the same architecture can start from its parameters
 
 
 def scripted_gait() -> Behaviour:
-    """The tuned tripod gait as pi_B, the same for every seed."""
+    """The tuned tripod gait as pi_B, the same for every lane."""
     gait = gaits.load()
     frequency, gait = float(gait.frequency), gait._replace(frequency=None)  # the robot's clock has it
-    return Behaviour(gaits.act, lambda seed: gait, frequency)
+    return Behaviour(gaits.act, lambda lane: gait, frequency)
+
+
+def names(config: Config) -> list[str]:
+    """The teachers that a configuration asks for, in order; the first is pi_B."""
+    return [name.strip() for name in config.behaviour.split(",")]
 
 
 def check(config: Config) -> None:
     """Raises ValueError where `behaviour` names nothing usable."""
-    if config.behaviour in ("gait", "train"):
-        return
-    directory = Path(config.behaviour)
+    wanted = names(config)
+    if len(set(wanted)) < len(wanted):
+        raise ValueError(f"behaviour is {config.behaviour!r}: name each teacher once.")
+    if "repertoire" in wanted and config.damage_schedule:
+        raise ValueError(
+            "behaviour repertoire tries gaits on one damage and does not go with damage_schedule; leave one out."
+        )
+    for name in wanted:
+        if name not in MADE:
+            _check_run(Path(name), config)
+
+
+def _check_run(directory: Path, config: Config) -> None:
     if not directory.is_dir():
-        raise ValueError(f"behaviour is {config.behaviour!r}: give gait, train, or the directory of a finished run.")
+        raise ValueError(
+            f"behaviour is {str(directory)!r}: give {', '.join(MADE)}, or the directory of a finished run."
+        )
     stored, _ = output.read_config(directory)
     for name, mine, theirs in (
         ("task", config.task, stored.task),
@@ -59,29 +73,51 @@ def check(config: Config) -> None:
 def load(
     config: Config, directory: Path, devices: int, *, listener: Callable, stopped: Callable[[], bool]
 ) -> tuple[Behaviour, ...] | None:
-    """The teachers of a run; a policy that is to be learned first is, in ``directory/behaviour``. None if stopped.
+    """The teachers of a run; those that are to be made first are, each in a folder of its own. None if stopped.
 
     Raises:
         ValueError: the finished run has no healthy lane to take pi_B from.
     """
-    if config.behaviour == "gait":
-        return (scripted_gait(),)
-    path = Path(config.behaviour)
-    if config.behaviour == "train":
-        path = directory / "behaviour"
-        if not (path / "summary.json").exists() and not _learn(config, path, devices, listener, stopped):
-            return None
-    return (from_run(path, config),)
+    teachers = []
+    for name in names(config):
+        if name == "gait":
+            teachers.append(scripted_gait())
+            continue
+        path, make = Path(name), MADE.get(name)
+        if make:
+            path = directory / ("behaviour" if name == "train" else name)
+            unfinished = not (path / "summary.json").exists()
+            if unfinished and not _run(make(config), path, devices, listener, stopped):
+                return None
+        teachers.append(from_trials(path) if name == "repertoire" else from_run(path, config))
+    return tuple(teachers)
 
 
-def _learn(config: Config, path: Path, devices: int, listener: Callable, stopped: Callable[[], bool]) -> bool:
-    """Learns a healthy policy per seed by SRL, guided by the gait; whether it finished."""
-    from srl_jax import loop  # the loop loads teachers, one of which is made by a loop
+def _run(config: Config, path: Path, devices: int, listener: Callable, stopped: Callable[[], bool]) -> bool:
+    """Does the run that makes a teacher; whether it finished."""
+    from srl_jax import loop  # the loop loads teachers, some of which are made by a loop
 
+    return bool(loop.run(config, path, devices, resume=path.exists(), listener=listener, stopped=stopped))
+
+
+def _healthy_run(config: Config) -> Config:
+    """Learns a healthy policy per seed by SRL, guided by the gait."""
     healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", damage_schedule="")
     single = dataclasses.replace(healthy.srl, **{n: v[:1] for n, v in vars(healthy.srl).items() if _swept(v)})
-    healthy = dataclasses.replace(healthy, srl=single)
-    return bool(loop.run(healthy, path, devices, resume=path.exists(), listener=listener, stopped=stopped))
+    return dataclasses.replace(healthy, srl=single)
+
+
+def _trial_run(config: Config) -> Config:
+    """Tries gaits of the repertoire on every lane's damage, straight ahead, which is what its gaits do."""
+    steps = config.ite.trials * config.env.episode_steps * config.train.environments
+    every = dict(evaluate_every=steps, checkpoint_every=steps, warmup=steps)
+    count = config.train.environments
+    train = dataclasses.replace(config.train, **every, prior_steps=count, capacity=count)  # nothing is replayed
+    damage = config.damage if config.damage != "task" else ",".join(damages.parse_names("task", config.task))
+    return dataclasses.replace(config, behaviour="gait", algos="ite", task="x", damage=damage, steps=steps, train=train)
+
+
+MADE = {"gait": None, "train": _healthy_run, "repertoire": _trial_run}  # teachers that need no finished run
 
 
 def _swept(value: Any) -> bool:
@@ -101,11 +137,26 @@ def from_run(path: Path, config: Config) -> Behaviour:
     seeds = sorted(healthy)
     agent = getattr(stored, algo)
 
-    def params(seed: int) -> Any:
-        row = healthy.get(seed, healthy[seeds[seed % len(seeds)]])
+    def params(lane: Lane) -> Any:
+        row = healthy.get(lane.seed, healthy[seeds[lane.seed % len(seeds)]])
         return jax.tree.map(lambda x: x[row], students)
 
     mine = getattr(config, plan.parse_algos(config.algos)[0])
-    same = (agent.hidden, agent.layer_norm) == (mine.hidden, mine.layer_norm)
+    shape = lambda agent: (getattr(agent, "hidden", None), getattr(agent, "layer_norm", None))  # noqa: E731
     apply = partial(behaviours.policy, config=agent)
-    return Behaviour(apply, params, float(gaits.load().frequency), network=same)
+    return Behaviour(apply, params, float(gaits.load().frequency), network=shape(agent) == shape(mine))
+
+
+def from_trials(path: Path) -> Behaviour:
+    """What every lane's robot found in a repertoire after its damage, by a finished run of `ite`."""
+    from srl_jax.ite import agent
+
+    stored, devices = output.read_config(path)
+    rows = lane_table.lay_out(plan.make(stored).lanes, devices).of("ite")
+    students = checkpoint.students(path / "checkpoints")["ite"]
+    found = {(lane.seed, lane.damage): row for row, lane in enumerate(rows)}
+
+    def params(lane: Lane) -> Any:
+        return jax.tree.map(lambda x: x[found[lane.seed, lane.damage]], students)
+
+    return Behaviour(agent.policy, params, float(gaits.load().frequency))

@@ -95,7 +95,7 @@ def test_teacher_mode_acts_as_the_gait(engine, data):
     robot = engine.program.robot
     damage = jax.tree.map(lambda x: x[0], data.damage)
     env, _ = hexapod.reset(robot, damage, jax.random.split(data.key[0], E)[0])
-    action = jnp.clip(teacher.apply(teacher.params(0), jnp.asarray(before[0])), -1.0, 1.0)
+    action = jnp.clip(teacher.apply(teacher.params(engine.program.layout.rows[0]), jnp.asarray(before[0])), -1.0, 1.0)
     env, step = jax.jit(lambda d, e, a: hexapod.step(robot, d, e, a))(damage, env, action)
     np.testing.assert_allclose(row(after.world.observation, 0)[0], step.observation, atol=1e-4)
 

@@ -172,6 +172,26 @@ class SearchConfig:
 
 
 @dataclass(frozen=True)
+class ITEConfig:
+    """Intelligent trial and error (Cully et al. 2015): map-based Bayesian optimisation after the damage."""
+
+    repertoire: str = ""
+    """The map, a file made by ``python -m srl_jax.repertoire``; empty: the one that ships with the package."""
+    trials: int = 20
+    """Gaits that are tried at most, an episode each."""
+    kernel: Sweep = (0.4,)
+    """Length scale of the process over duty factors (rho)."""
+    prior: Sweep = (1.0,)
+    """Prior variance of a gait's fitness about the map, m^2."""
+    trial_noise: Sweep = (1e-3,)
+    """Variance of a trial about its gait's true fitness, m^2."""
+    kappa: Sweep = (0.05,)
+    """Weight of the standard deviation in the choice of the next gait."""
+    sufficient: Sweep = (0.9,)
+    """Share of the best expected fitness at which the search ends."""
+
+
+@dataclass(frozen=True)
 class BACConfig(ActorConfig):
     """Bayesian actor-critic (Ghavamzadeh & Engel 2007) with a Gaussian around a deterministic actor."""
 

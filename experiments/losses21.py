@@ -1,0 +1,158 @@
+"""The field's benchmark of damage: each of six legs lost, and each of the fifteen pairs, walking straight ahead.
+
+    python -m experiments.losses21 [finished runs of the same task and damages ...]
+
+Trains what is missing in `--runs` (the damaged tripod, and intelligent trial and error on the shipped repertoire) by
+the usual command line, then prints for every method: speed retained of a healthy reference, the share of robots that
+recovered (no fall, at least half of that speed), and the robot time it took. Runs of SRL or DDPG with
+``--task x --damage losses21`` may be added to the table.
+"""
+
+import csv
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import matplotlib
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from srl_jax import output, statistics
+from srl_jax.env.damage import losses21
+from srl_jax.env.hexapod import CONTROL_HZ
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+# Context from the literature: another robot and another simulator, the same 21 losses.
+FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"
+SHORT = {"environments": "4", "evaluate-every": "2000", "checkpoint-every": "10000"}
+SHORT |= {"capacity": "4", "prior-steps": "4"}  # neither of the two replays anything
+Scores = dict[str, np.ndarray]  # [seeds, damages]
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Which runs, and where the results go."""
+
+    others: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """Finished runs to add."""
+    runs: Path = Path("runs/losses21")
+    """The run of tripod and ite; made where missing."""
+    seeds: str = "10"
+    out: Path = Path("docs/losses21.png")
+
+
+def train(arguments: Arguments) -> None:
+    """Makes sure that the run of tripod and ite is there."""
+    if (arguments.runs / "summary.json").exists():
+        return
+    command = [sys.executable, "-m", "srl_jax.run", "--task", "x", "--damage", "losses21", "--algos", "tripod,ite"]
+    command += ["--seeds", arguments.seeds, "--steps", "10000", "--out", str(arguments.runs)]
+    command += [word for name, value in SHORT.items() for word in (f"--train.{name}", value)]
+    if (arguments.runs / "config.json").exists():
+        command = [sys.executable, "-m", "srl_jax.run", "--resume", str(arguments.runs)]
+    if subprocess.run(command).returncode:
+        raise SystemExit(f"losses21: {' '.join(command[1:])} did not finish.")
+
+
+def read(directory: Path) -> tuple[dict[str, Scores], float]:
+    """Per method the last value of every metric, and the healthy tripod's or pi_B's distance (m).
+
+    Raises:
+        ValueError: the run is of another task or other damages.
+    """
+    config, _ = output.read_config(directory)
+    lanes = list(csv.DictReader((directory / "lanes.csv").open()))
+    found = list(dict.fromkeys(lane["damage"] for lane in lanes))
+    if config.task != "x" or set(found) != set(losses21()):
+        raise ValueError(f"{directory} is of task {config.task} and {len(found)} damages: x and losses21 are needed.")
+    last: dict[tuple[str, int], tuple[int, float]] = {}
+    for row in csv.DictReader((directory / "metrics.csv").open()):
+        key, step = (row["metric"], int(row["lane"])), int(row["step"])
+        if step >= last.get(key, (-1, 0.0))[0]:
+            last[key] = (step, float(row["value"]))
+    seeds = sorted({int(lane["seed"]) for lane in lanes})
+    methods: dict[str, Scores] = defaultdict(dict)
+    for metric in ("eval/distance", "eval/fell", "healthy/distance", "train/trials"):
+        for lane in lanes:
+            if (metric, int(lane["lane"])) in last:
+                name = f"{lane['algo']} {lane['variant']}".strip()
+                table = methods[name].setdefault(metric, np.full((len(seeds), len(found)), np.nan))
+                place = seeds.index(int(lane["seed"])), losses21().index(lane["damage"])
+                table[place] = last[metric, int(lane["lane"])][1]
+    for name, scores in methods.items():
+        robot_steps = 0 if name in ("tripod", "pi_b") else config.steps
+        trials = scores.get("train/trials")
+        seconds = robot_steps / CONTROL_HZ if trials is None else trials * config.env.episode_steps / CONTROL_HZ
+        scores["seconds"] = np.broadcast_to(seconds, scores["eval/distance"].shape)
+    return dict(methods), config.env.episode_steps / CONTROL_HZ
+
+
+def best_of_map() -> float:
+    """Distance (m) of the best gait of the shipped repertoire on the healthy robot: the own reference of `ite`."""
+    from srl_jax.ite.agent import repertoire
+
+    return float(repertoire("")[0].fitness.max())
+
+
+def cell(values: np.ndarray, statistic: Callable = statistics.iqm) -> str:
+    low, high = statistics.stratified_interval(values, statistic)
+    return f"{statistic(values):.2f} [{low:.2f}, {high:.2f}]"
+
+
+def summarise(methods: dict[str, Scores], reference: float, seconds: float) -> Table:
+    """One row per method; interquartile means over seeds x damages with 95 % stratified bootstrap intervals."""
+    names = ("method", "speed m/s", "retained (common)", "retained (own)", "recovered", "robot time s")
+    table = Table(*names, box=None)
+    for name, scores in methods.items():
+        distance, fell = scores["eval/distance"], scores["eval/fell"]
+        own = best_of_map() if name.startswith("ite") else scores["healthy/distance"].mean()
+        recovered = ((fell == 0.0) & (distance >= 0.5 * reference)).astype(float)
+        cells = [cell(distance / unit) for unit in (seconds, reference, own)]
+        table.add_row(name, *cells, cell(recovered, np.mean), f"{np.mean(scores['seconds']):.0f}")
+    return table
+
+
+def draw(methods: dict[str, Scores], reference: float, path: Path) -> None:
+    """Retained speed of every damage: the mean over seeds as bars, one group a damage."""
+    figure, axes = plt.subplots(figsize=(12, 3.6), layout="constrained")
+    width = 0.8 / len(methods)
+    for index, (name, scores) in enumerate(methods.items()):
+        values = scores["eval/distance"] / reference
+        places = np.arange(values.shape[1]) + (index - 0.5 * (len(methods) - 1)) * width
+        axes.bar(places, values.mean(0), width, yerr=values.std(0), label=name, error_kw={"lw": 0.8})
+    axes.axhline(1.0, color="0.5", ls=":", lw=1)
+    axes.set_xticks(np.arange(21), [name.replace("leg_", "").replace("+", "\n") for name in losses21()], fontsize=8)
+    axes.set_xlabel("legs lost")
+    axes.set_ylabel("speed, of healthy tripod")
+    axes.legend(frameon=False, ncols=len(methods))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Trains, prints the table, draws the figure."""
+    arguments = tyro.cli(Arguments)
+    train(arguments)
+    methods, seconds = read(arguments.runs)
+    reference = float(methods["tripod"]["healthy/distance"].mean())
+    for directory in arguments.others:
+        methods |= read(directory)[0]
+    console = Console(width=140)
+    console.print(
+        f"21 losses x {len(methods['tripod']['eval/fell'])} seeds; healthy tripod {reference / seconds:.3f} m/s"
+    )
+    console.print(summarise(methods, reference, seconds))
+    console.print(FIELD)
+    draw(methods, reference, arguments.out)
+
+
+if __name__ == "__main__":
+    main()
