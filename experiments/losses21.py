@@ -26,6 +26,7 @@ from rich.table import Table
 from srl_jax import output, statistics
 from srl_jax.env.damage import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.ite import repertoire
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -97,9 +98,7 @@ def read(directory: Path) -> tuple[dict[str, Scores], float]:
 
 def best_of_map() -> float:
     """Distance (m) of the best gait of the shipped repertoire on the healthy robot: the own reference of `ite`."""
-    from srl_jax.ite.agent import repertoire
-
-    return float(repertoire("")[0].fitness.max())
+    return float(repertoire.load().fitness.max())
 
 
 def cell(values: np.ndarray, statistic: Callable = statistics.iqm) -> str:

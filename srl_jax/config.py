@@ -7,11 +7,11 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Literal
 
-from srl_jax.agents.settings import ACTEACH, BACConfig, DDPGConfig, FrozenConfig, SearchConfig, SRLConfig
+from srl_jax.agents.settings import ACTEACH, BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
 
 TASKS = ("x", "xy", "p2p")
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
-ALGORITHMS = (*ACTOR_CRITICS, "bac", "mcpg", "bpg", "tripod", "pi_b")
+ALGORITHMS = (*ACTOR_CRITICS, "bac", "mcpg", "bpg", "ite", "tripod", "pi_b")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Config:
     seeds: str = "10"
     """A count (seeds 0..N-1) or a list (3,7,11)."""
     algos: str = "ddpg,srl"
-    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, tripod, pi_b, separated by commas."""
+    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, ite, tripod, pi_b, separated by commas."""
     damage: str = "task"
     """task (the paper's, all six legs), all (the catalogue), losses21, or names such as tibia_rm,leg_rm+leg_lf."""
     damage_schedule: str = ""
@@ -85,7 +85,8 @@ class Config:
     steps: int = 50_000
     """Environment steps of each lane."""
     behaviour: str = "gait"
-    """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), or a finished run."""
+    """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), repertoire (what trial and
+    error finds after the damage), or a finished run; several, separated by commas, are several teachers."""
     devices: str = "auto"
     """Devices the lanes are laid over: auto (one per core, or all accelerators) or a number."""
     memory_gb: float = 16.0
@@ -99,6 +100,7 @@ class Config:
     bac: BACConfig = field(default_factory=BACConfig)
     mcpg: SearchConfig = field(default_factory=SearchConfig)
     bpg: SearchConfig = field(default_factory=lambda: SearchConfig(estimator="model2"))
+    ite: ITEConfig = field(default_factory=ITEConfig)
     tripod: FrozenConfig = field(default_factory=lambda: FrozenConfig(policy="tripod"))
     pi_b: FrozenConfig = field(default_factory=FrozenConfig)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from srl_jax import lanes as lane_table
 from srl_jax.agents.networks import network_sizes
-from srl_jax.agents.settings import ActorConfig, DDPGConfig, SearchConfig
+from srl_jax.agents.settings import ActorConfig, DDPGConfig, ITEConfig, SearchConfig
 from srl_jax.config import ALGORITHMS, Config
 from srl_jax.env import damage as damages
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
@@ -112,6 +112,8 @@ def check_numbers(config: Config) -> None:
             check_actor(algo, agent)
         if isinstance(agent, SearchConfig):
             check_search(algo, agent, config.behaviour)
+        if isinstance(agent, ITEConfig):
+            check_trials(algo, agent, config.task)
 
 
 KERNEL = ("kernel_length", "value_scale", "advantage_scale", "reward_noise")
@@ -130,11 +132,22 @@ RANGES = {
 
 def check_search(algo: str, config: SearchConfig, behaviour: str) -> None:
     """Raises ValueError for settings of an episodic search that make no sense."""
-    if behaviour != "gait":
-        raise ValueError(f"behaviour is {behaviour!r}: {algo} searches a gait's parameters and needs --behaviour gait.")
+    if behaviour.split(",")[0] != "gait":
+        raise ValueError(f"behaviour is {behaviour!r}: {algo} searches a gait's parameters and needs gait, first.")
     if config.trajectories < 2:
         raise ValueError(f"{algo}.trajectories is {config.trajectories}: it must be at least 2.")
     for name in ("search_rate", "spread", "spread_floor", "return_noise"):
+        if any(value <= 0.0 for value in getattr(config, name)):
+            raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
+
+
+def check_trials(algo: str, config: ITEConfig, task: str) -> None:
+    """Raises ValueError for settings of intelligent trial and error that make no sense."""
+    if task == "p2p":
+        raise ValueError(f"algos has {algo}: its gaits walk straight ahead; use it with task x or xy, not {task}.")
+    if config.trials < 1:
+        raise ValueError(f"{algo}.trials is {config.trials}: it must be at least 1.")
+    for name in ("rho", "prior", "trial_noise", "kappa", "sufficient"):
         if any(value <= 0.0 for value in getattr(config, name)):
             raise ValueError(f"{algo}.{name} is {getattr(config, name)}: it must be positive.")
 

@@ -51,6 +51,10 @@ def check(config: Config) -> None:
         raise ValueError(
             "behaviour repertoire tries gaits on one damage and does not go with damage_schedule; leave one out."
         )
+    if "repertoire" in wanted or "ite" in plan.parse_algos(config.algos):
+        from srl_jax.ite.agent import prior_map
+
+        prior_map(config.ite.repertoire)
     for name in wanted:
         if name not in MADE:
             _check_run(Path(name), config)

@@ -26,13 +26,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def tiny():
-    """As small as it can be with every part of SRL switched on: 2 seeds of DDPG and SRL, one lost leg."""
+    """As small as it can be with every part switched on: 2 seeds of DDPG, SRL and a search, one lost leg."""
     from srl_jax.config import TrainConfig, preset
 
     base = preset("smoke")
     small = {"hidden": (16, 16), "batch": 8, "critics": 2, "freeze": (24.0,)}
     return dataclasses.replace(
         base,
+        algos="ddpg,srl,bpg",
+        bpg=dataclasses.replace(base.bpg, trajectories=2),
         train=TrainConfig(
             environments=2,
             capacity=64,
@@ -51,10 +53,18 @@ def tiny():
 
 
 @pytest.fixture(scope="session")
-def engine(tiny):
+def teachers():
+    """One teacher more than the paper has."""
+    from srl_jax import sources
+
+    return (sources.scripted_gait(),) * 2
+
+
+@pytest.fixture(scope="session")
+def engine(tiny, teachers):
     """The tiny configuration's program, compiled once for all tests that use it."""
     from srl_jax import engine as engines
-    from srl_jax import lanes, plan, sources
+    from srl_jax import lanes, plan
 
     layout = lanes.lay_out(plan.make(tiny).lanes, DEVICES)
-    return engines.Engine(engines.make_program(tiny, layout, (sources.scripted_gait(),)))
+    return engines.Engine(engines.make_program(tiny, layout, teachers))

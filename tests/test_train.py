@@ -14,10 +14,10 @@ E = 2
 
 
 @pytest.fixture(scope="module")
-def data(engine):
+def data(engine, teachers):
     """The rows' constants."""
     names = [lane.damage for lane in engine.program.layout.rows]
-    return engines.lane_data(engine.program, (sources.scripted_gait(),), "train", names)
+    return engines.lane_data(engine.program, teachers, "train", names)
 
 
 def trained(engine, data, steps, edit=lambda state: state, mode=None):
@@ -46,7 +46,7 @@ def rows_of_lane(state, engine, index):
 
 
 def test_layout_has_every_algorithm_on_every_device(engine):
-    assert [lane.algo for lane in engine.program.layout.rows] == ["ddpg", "srl", "ddpg", "srl"]
+    assert [lane.algo for lane in engine.program.layout.rows] == ["ddpg", "srl", "bpg"] * 2
 
 
 def test_transitions_are_stored_in_order_and_chain(engine, data, tiny):
@@ -80,11 +80,25 @@ def test_agents_learn_only_when_asked(engine, data):
     assert np.all(np.asarray(idle.replay.rows) == 0.0)
     busy, tally = trained(engine, data, 20)
     assert float(tally.updates) == 7  # at every other step, from the 8th on, which fills the warm-up of 16
-    for algo in fresh:
+    for algo in ("ddpg", "srl"):
         for name in ("actor", "critic", "target_actor", "target_critic"):
             new, old = getattr(busy.agents[algo], name), getattr(fresh[algo], name)
             moved = jax.tree.map(lambda n, o: np.abs(np.asarray(n) - o).max(), new, old)
             assert max(jax.tree.leaves(moved)) > 0.0, (algo, name)
+
+
+def test_a_search_counts_finished_episodes_and_takes_a_step_when_there_are_enough(engine, data):
+    ten, _ = trained(engine, data, 10)  # the first episodes of both robots end, whether they fell or not
+    searches = jax.device_get(ten.agents["bpg"])
+    assert np.all(searches.count == 0) and np.all(searches.since > 0)
+    assert np.all(np.abs(searches.actor["offset"]).max(1) > 0.0)
+    watched, tally = trained(engine, data, 10, mode=STUDENT())
+    assert np.all(jax.device_get(watched.agents["bpg"].since) == 0), "an evaluation is no trial"
+    trained_, tally = trained(engine, data, 12)
+    chosen = {name: np.asarray(tally.rates[name]) for name in ("chosen_teacher", "chosen_1", "chosen_2")}
+    np.testing.assert_allclose(chosen["chosen_teacher"], chosen["chosen_1"] + chosen["chosen_2"])
+    assert chosen["chosen_teacher"][1] > 0.0, "SRL never took a teacher"
+    assert np.all(np.asarray(trained_.alive))
 
 
 def test_teacher_mode_acts_as_the_gait(engine, data):
@@ -103,19 +117,19 @@ def test_teacher_mode_acts_as_the_gait(engine, data):
 def test_a_row_does_not_depend_on_its_neighbours(engine, data):
     base, _ = trained(engine, data, 20)
     others = data.key.at[1:].set(jax.random.split(jax.random.key(99), len(data.key) - 1))
-    damage = engines.damage_rows(["leg_rm", "leg_lf", "healthy", "tibia_rr:limp"])
+    damage = engines.damage_rows(["leg_rm", "leg_lf", "healthy", "tibia_rr:limp", "leg_rf", "leg_lr"])
     changed = engines.on_rows(engine.program, data._replace(key=others, damage=damage))
     other, _ = trained(engine, changed, 20)
     assert_same(rows_of_lane(base, engine, 0), rows_of_lane(other, engine, 0))
     assert not np.array_equal(row(base.world.observation, 1), row(other.world.observation, 1))
 
 
-def test_a_row_does_not_depend_on_the_width_of_the_program(engine, data, tiny):
+def test_a_row_does_not_depend_on_the_width_of_the_program(engine, data, tiny, teachers):
     """Alone on one device: other widths round differently, so 1e-4 (bitwise is for equal widths)."""
     lane = engine.program.layout.rows[1]
     layout = lanes.lay_out([lane], 1)
-    single = engines.Engine(engines.make_program(tiny, layout, (sources.scripted_gait(),)))
-    single_data = engines.lane_data(single.program, (sources.scripted_gait(),), "train", [lane.damage])
+    single = engines.Engine(engines.make_program(tiny, layout, teachers))
+    single_data = engines.lane_data(single.program, teachers, "train", [lane.damage])
     alone, _ = trained(single, single_data, 14)
     beside, _ = trained(engine, data, 14)
     jax.tree.map(
@@ -135,8 +149,8 @@ def test_a_lane_that_is_not_finite_freezes_alone(engine, data):
     steps = 25  # not a multiple of the episode's 10: an auto-reset would hide a robot that was not frozen
     clean, _ = trained(engine, data, steps)
     state, tally = trained(engine, data, steps, poison)
-    assert np.asarray(state.alive).tolist() == [True, False, True, True]
-    for index in (0, 2, 3):
+    assert np.asarray(state.alive).tolist() == [True, False, True, True, True, True]
+    for index in (0, 2, 3, 4, 5):
         assert_same(rows_of_lane(state, engine, index), rows_of_lane(clean, engine, index))
     assert np.isfinite(np.asarray(state.world.observation)).all()
     assert int(state.world.env.steps[1, 0]) != int(clean.world.env.steps[1, 0]), "the frozen robot still moves"
@@ -154,7 +168,7 @@ def test_an_exploding_robot_freezes_its_lane_alone(engine, data):
 
     clean, _ = trained(engine, data, 12)
     state, _ = trained(engine, data, 12, explode)
-    assert np.asarray(state.alive).tolist() == [True, True, False, True]
+    assert np.asarray(state.alive).tolist() == [True, True, False, True, True, True]
     assert np.asarray(state.world.env.steps[2]).tolist() == [0, 0], "the frozen robots still move"
     assert_same(rows_of_lane(state, engine, 3), rows_of_lane(clean, engine, 3))
 
@@ -163,7 +177,7 @@ def test_damage_changes_in_the_middle_without_another_program(engine, data, monk
     state, _ = trained(engine, data, 4)
     monkeypatch.setattr(hexapod, "step", lambda *args: pytest.fail("traced again"))
     kept, _ = engine.chunk(jax.tree.map(jnp.copy, state), data, TRAIN(), 4)
-    damaged = engines.with_damage(engine.program, data, ["leg_rm+leg_lf"] * 4)
+    damaged = engines.with_damage(engine.program, data, ["leg_rm+leg_lf"] * 6)
     changed, _ = engine.chunk(state, damaged, TRAIN(), 4)
     assert np.abs(np.asarray(kept.world.env.qpos) - np.asarray(changed.world.env.qpos)).max() > 1e-3
 
@@ -171,7 +185,7 @@ def test_damage_changes_in_the_middle_without_another_program(engine, data, monk
 def test_start_from_behaviour_gives_clones_and_healthy_replay(engine, data):
     state = start.init_state(engine, data)
     random = jax.device_get(state.agents)
-    healthy = engines.with_damage(engine.program, data, ["healthy"] * 4)
+    healthy = engines.with_damage(engine.program, data, ["healthy"] * 6)
     state, filled = start.from_behaviour(engine, state, data, healthy, network=False)
     assert int(state.clock) == 0
     assert np.all(np.abs(np.asarray(filled.prior["srl"])).sum(-1) > 0.0)

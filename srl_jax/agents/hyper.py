@@ -12,7 +12,8 @@ from srl_jax.agents.settings import AgentConfig
 class Hyper(NamedTuple):
     """One lane's values, each f32[]; meanings stand at the fields of the same name in `config`.
 
-    DDPG reads the first group only, SRL two, an episodic search the third, Bayesian actor-critic the last;
+    DDPG reads the first group only, SRL two, an episodic search the third, then Bayesian actor-critic and
+    intelligent trial and error;
     what an agent lacks is zero for it.
     """
 
@@ -47,6 +48,12 @@ class Hyper(NamedTuple):
     value_scale: jax.Array
     advantage_scale: jax.Array
     reward_noise: jax.Array
+
+    rho: jax.Array
+    prior: jax.Array
+    trial_noise: jax.Array
+    kappa: jax.Array
+    sufficient: jax.Array
 
 
 def from_config(config: AgentConfig, **chosen: float) -> Hyper:

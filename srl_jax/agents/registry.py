@@ -17,6 +17,7 @@ _MODULES = {
     settings.SRLConfig: "srl_jax.agents.srl",
     settings.BACConfig: "srl_jax.agents.bac",
     settings.FrozenConfig: "srl_jax.agents.frozen",
+    settings.ITEConfig: "srl_jax.ite.agent",
     settings.SearchConfig: "srl_jax.agents.search",
 }
 

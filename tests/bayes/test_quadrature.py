@@ -46,10 +46,10 @@ def printed(estimator, U, R, G, noise):
 
 
 @pytest.mark.parametrize("estimator", MODELS.values(), ids=MODELS)
-@pytest.mark.parametrize("count", [1, 4, 9, 10, 40])  # on both sides of n, and of the ten features of model 1
+@pytest.mark.parametrize("count", [1, 9, 10, 40])  # on both sides of n, and of the ten features of model 1
 def test_models_equal_their_printed_equations(estimator, count, x64):
     U, R, G = data(count)
-    found = estimator(U, R, G, noise=0.3)
+    found = estimator(U, R, G, noise=0.3, scale=1.0)
     mean, covariance = printed(estimator, U.T, R, G, 0.3)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-8)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-7, atol=1e-9)
@@ -68,26 +68,29 @@ def test_monte_carlo_is_the_sample_mean_with_its_sampling_covariance(x64):
 
 
 @pytest.mark.parametrize("estimator", MODELS.values(), ids=MODELS)
-@pytest.mark.parametrize("count", [3, 12])
-def test_models_are_the_integral_of_a_gaussian_process(estimator, count, x64):
+def test_models_are_the_integral_of_a_gaussian_process(estimator, x64):
     """A GP library gives the process's posterior on the nodes of a quadrature rule, and the rule integrates it."""
     nodes, mass = np.polynomial.hermite_e.hermegauss(20)
     mass = mass / mass.sum()
     root = np.sqrt([1.0, 2.0])
-    actions = np.random.default_rng(1).normal(size=count)
+    actions = np.random.default_rng(1).normal(size=12)
     returns = np.sin(2 * actions)
-    U, at = np.asarray(bandit_scores(jnp.asarray(actions))), np.asarray(bandit_scores(jnp.asarray(nodes)))
+    U, at = (np.stack([a, a**2 - 1.0], axis=1) for a in (actions, nodes))
     one = estimator is model1
     kernel = tinygp.kernels.Polynomial(order=2, sigma=1.0) if one else tinygp.kernels.DotProduct()
-    process = tinygp.GaussianProcess(kernel, U / root, diag=0.1)
-    targets = (U * returns[:, None]).T if one else [returns]
-    posteriors = [process.condition(jnp.asarray(y), at / root).gp for y in targets]
+
+    @jax.jit
+    def condition(y):
+        posterior = tinygp.GaussianProcess(kernel, U / root, diag=0.1).condition(y, at / root).gp
+        return posterior.loc, posterior.covariance
+
+    posteriors = [condition(y) for y in ((U * returns[:, None]).T if one else [returns])]
     if one:
-        mean = [mass @ posterior.loc for posterior in posteriors]
-        covariance = [mass @ posterior.covariance @ mass for posterior in posteriors] * np.eye(2)
+        mean = [mass @ loc for loc, _ in posteriors]
+        covariance = [mass @ spread @ mass for _, spread in posteriors] * np.eye(2)
     else:
-        mean = (mass[:, None] * at).T @ posteriors[0].loc
-        covariance = (mass[:, None] * at).T @ posteriors[0].covariance @ (mass[:, None] * at)
+        (loc, spread), rule = posteriors[0], (mass[:, None] * at).T
+        mean, covariance = rule @ loc, rule @ spread @ rule.T
     found = estimator(U, returns, BANDIT, noise=0.1)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-6)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-5, atol=1e-7)
@@ -106,7 +109,7 @@ def test_model_2_with_the_empirical_fisher_is_shrunken_monte_carlo(count, noise)
 def test_covariance_is_symmetric_and_shrinks_with_data(estimator, x64):
     U, R, G = data(25)
     before = G if estimator is model2 else (1 + N) * np.eye(N)
-    for count in (1, 2, 5, 11, 25):
+    for count in (2, 11, 25):
         after = np.asarray(estimator(U[:count], R[:count], G, noise=0.1).covariance)
         np.testing.assert_allclose(after, after.T, rtol=1e-10)
         assert np.linalg.eigvalsh(after).min() > 0
@@ -170,8 +173,9 @@ def test_a_lane_sees_no_other_lane_and_a_faulty_one_is_flagged(estimator):
     U, R = (np.stack(part).astype(np.float32) for part in zip(*batches, strict=True))
     run = jax.vmap(lambda u, r: estimator(u, r, noise=0.1))
     before = run(U, R)
-    R[1, 3] = np.nan
-    after = run(U, R)
+    spoilt = R.copy()  # jax may still read R
+    spoilt[1, 3] = np.nan
+    after = run(U, spoilt)
     assert before.ok.all() and after.ok.tolist() == [True, False, True]
     np.testing.assert_array_equal(after.mean[1], np.zeros(N))
     np.testing.assert_array_equal(after.covariance[1], np.eye(N))
@@ -182,10 +186,10 @@ def test_a_lane_sees_no_other_lane_and_a_faulty_one_is_flagged(estimator):
 
 FAULTS = {
     "singular": (np.diag([1.0, 0.0, 1.0]), {}),
-    "nearly singular": (np.ones((N, N)) + 1e-9 * np.eye(N), {}),
+    "rounding": (np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + 2.4e-7, 0.0], [0.0, 0.0, 1.0]], np.float32), {}),
     "indefinite": (np.diag([1.0, -1.0, 1.0]), {}),
     "not finite": (np.full((N, N), np.nan), {}),
-    "negative noise": (np.eye(N), {"noise": -1.0}),
+    "negative noise": (np.eye(N), {"noise": -1e-3}),
     "no scale": (np.eye(N), {"scale": 0.0}),
 }
 
@@ -234,7 +238,7 @@ def flat(parts: dict) -> np.ndarray:
     return np.concatenate([np.ravel(parts["bias"]), np.ravel(parts["kernel"])])
 
 
-@pytest.mark.parametrize(("count", "total"), [(8, 8), (8, 30), (3, 3)])
+@pytest.mark.parametrize(("count", "total"), [(8, 8), (8, 30)])
 def test_gram_form_equals_the_dense_form(count, total, x64):
     U, R, _ = data(total, 5)
     scores, R = tree(U), R[:count]
