@@ -11,6 +11,7 @@ from srl_jax.ite import family
 RNG = np.random.default_rng(0)
 LEVELS = RNG.integers(0, 21, (20, 36)).astype(np.float32) / 20
 table = jax.jit(jax.vmap(family.table))
+action = jax.jit(jax.vmap(family.action, in_axes=(0, None)))
 
 
 def signal(amplitude, phase, duty):
@@ -34,7 +35,6 @@ def test_table_against_the_published_recipe():
 
 def test_actions_are_the_tables_rows_and_linear_between_them():
     tables = np.asarray(table(LEVELS))
-    action = jax.jit(jax.vmap(family.action, in_axes=(0, None)))
     for k in (0, 7, 99):
         np.testing.assert_allclose(action(LEVELS, k / 100), tables[:, k], atol=1e-5)
         between = 0.7 * tables[:, k] + 0.3 * tables[:, (k + 1) % 100]
@@ -45,8 +45,7 @@ def test_actions_are_the_tables_rows_and_linear_between_them():
 def test_at_the_control_rate_every_fifth_sample_is_played():
     tables, phase = table(LEVELS), jnp.zeros(())
     for step in range(40):
-        acted = jax.vmap(family.action, in_axes=(0, None))(LEVELS, phase)
-        np.testing.assert_allclose(acted, tables[:, 5 * step % 100], atol=1e-4)
+        np.testing.assert_allclose(action(LEVELS, phase), tables[:, 5 * step % 100], atol=1e-4)
         phase = jnp.mod(phase + 1.0 / 20.0, 1.0)  # as the environment's clock
 
 

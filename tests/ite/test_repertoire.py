@@ -1,4 +1,4 @@
-"""A search over a toy, and its files: that it goes on to the same map however it ended, and that bad input is one sentence."""
+"""A search over a toy, and its files: it goes on to the same map however it ended; bad input is one sentence."""
 
 import csv
 import importlib.util
