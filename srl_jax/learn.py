@@ -101,4 +101,5 @@ def finish_algo(program: Program, algo: str, hyper: Hyper, episodes: Episodes, a
     """One episodic algorithm's lanes after their episodes."""
     config = program.agent_config(algo)
     finish = partial(registry.module(config).finish, config=config)
-    return jax.vmap(lambda agent, seen, hyper_: finish(agent, seen, hyper=hyper_))(agents, episodes, hyper)
+    lanes = jax.vmap(lambda lane: finish(*lane[:2], hyper=lane[2]))
+    return blocked_map(lanes, (agents, episodes, hyper), 0 if program.wide else program.config.train.update_block)

@@ -14,7 +14,7 @@ class Settings:
     batch: int = 1024
     """Gaits of a generation, walked at once: a multiple of the devices, and of 64 a device on a CPU to be fast."""
     seed: int = 0
-    """Of all randomness; with the batch it decides the result."""
+    """Of all randomness; with the batch it decides the result, on one kind and number of devices."""
     damage: str = "healthy"
     """Of the robot that walks: a name such as leg_rm; a repertoire is usually made before any damage."""
     clock_hz: float = 1.0

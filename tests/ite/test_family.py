@@ -64,6 +64,17 @@ def test_no_amplitude_is_the_stance_and_full_duty_holds_still():
     np.testing.assert_allclose(found, np.broadcast_to([0.5, 0.5, -0.5], found.shape), atol=1e-6)
 
 
+def test_every_hundredth_of_duty_and_phase_is_its_own_sample():
+    hundredths = np.arange(101)
+    gaits = np.zeros((101, 36), np.float32)
+    gaits[:, 0], gaits[:, 2] = 1.0, hundredths / 100
+    np.testing.assert_allclose(np.sum(table(gaits)[:, :, 0], axis=1), 2 * hundredths - 100, atol=1e-3)
+    gaits[:, 1], gaits[:, 2] = hundredths / 100, 0.4
+    unshifted = np.asarray(table(gaits[:1]))[0, :, 0]
+    for k, found in zip(hundredths, np.asarray(table(gaits)), strict=True):
+        np.testing.assert_allclose(found[:, 0], np.roll(unshifted, -k), atol=1e-6)
+
+
 def test_phase_of_a_whole_cycle_is_none():
     gaits = LEVELS.copy()
     gaits[:, 1::3] = 0.0

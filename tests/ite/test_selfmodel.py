@@ -70,6 +70,11 @@ def test_hypotheses_that_cannot_be_simulated_lose_but_poison_nothing():
     assert np.isneginf(found.log_posterior[:, 2]).all()
     np.testing.assert_allclose(np.exp(found.log_posterior).sum(1), 1.0, rtol=1e-5)
     assert (found.log_posterior.argmax(1) == 1).all()
+    kept = np.arange(D) != 2
+    np.testing.assert_allclose(
+        distances(broken, SCALES)[:, kept][:, :, kept], distances(PREDICTED, SCALES)[:, kept][:, :, kept], rtol=1e-5
+    )
+    np.testing.assert_array_equal(distances(broken, SCALES)[:, 2], 0.0)
     mute = identify(PREDICTED, jnp.full((P, T, F), jnp.nan))
     np.testing.assert_allclose(np.exp(mute.log_posterior), 1 / D, rtol=1e-5)
 
@@ -110,7 +115,7 @@ def test_next_probe_looks_only_at_hypotheses_still_believed():
 def test_identification_equals_its_steps_taken_one_by_one():
     observed = PREDICTED[3] + 2.0 * jnp.asarray(RNG.normal(size=(P, T, F)), jnp.float32)
     log_prior = logs(0.3, 0.1, 0.2, 0.15, 0.25)
-    found = identify(PREDICTED, observed, log_prior=log_prior + 7.0, correlation=5.0)
+    found = identify(PREDICTED, observed, log_prior=log_prior + 300.0, correlation=5.0)
     belief, used = np.exp(np.asarray(log_prior, float)), []
     for n in range(P):
         score = weighted_variance(belief, PREDICTED)
