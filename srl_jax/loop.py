@@ -126,11 +126,12 @@ class _Run:
                     checkpoint.save(keeper, state, self.lanes, tally)
             if keeper.latest_step() != int(state.clock):
                 checkpoint.save(keeper, state, self.lanes, tally, last=True)
-        self.show("summary", int(state.clock))
-        data = report.read_metrics(self.directory)
-        damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
-        chosen = showcase.median_lanes(self.plan.lanes, data.metrics["eval/return"][self.config.steps])
-        showcase.save_videos(self.directory / "videos", self.program, state, self.lanes, chosen, damage)
+            self.show("summary", int(state.clock))
+            data = report.read_metrics(self.directory)
+            damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
+            chosen = showcase.median_lanes(self.plan.lanes, data.metrics["eval/return"][self.config.steps])
+            # Rendered while the checkpoint is being written; the summary comes when both are there.
+            showcase.save_videos(self.directory / "videos", self.program, state, self.lanes, chosen, damage)
         return self.summarise(data)
 
     def begin(self, keeper) -> tuple[TrainState, Tally]:

@@ -134,20 +134,20 @@ def act_lane(program: Program, algo: str, mode_: Mode, clock: jax.Array, agent: 
     teachers = bind_teachers(program, algo, teacher_params)
     agents = registry.module(config)
 
-    def one(act_state: ActState, observation: jax.Array, key_: jax.Array):
-        own, new_state = agents.act(
-            agent,
-            act_state,
-            observation,
-            key_,
-            config=config,
-            hyper=hyper,
-            step=clock.astype(jnp.float32),
-            teachers=teachers,
-        )
-        alone = agents.student(agent.actor, observation, config=config, teachers=teachers)
-        advised = jnp.clip(teachers[0](observation) + mode_.noise * new_state.noise, -1.0, 1.0)
-        return jax.lax.select_n(mode_.actor, own, alone, advised), new_state
+    def own(act_state: ActState, observation: jax.Array, key_: jax.Array):
+        settings = {"config": config, "hyper": hyper, "step": clock.astype(jnp.float32), "teachers": teachers}
+        return agents.act(agent, act_state, observation, key_, **settings)
+
+    def alone(act_state: ActState, observation: jax.Array, key_: jax.Array):
+        del key_
+        return agents.student(agent.actor, observation, config=config, teachers=teachers), act_state
+
+    def advised(act_state: ActState, observation: jax.Array, key_: jax.Array):
+        _, new_state = own(act_state, observation, key_)  # whose exploration noise is what is added
+        return jnp.clip(teachers[0](observation) + mode_.noise * new_state.noise, -1.0, 1.0), new_state
+
+    def one(*args):
+        return jax.lax.switch(mode_.actor, (own, alone, advised), *args)
 
     return jax.vmap(one)(act_states, observations, jax.random.split(key, program.environments))
 
