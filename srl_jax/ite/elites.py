@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from srl_jax.ite.family import GENES
+from srl_jax.ite.family import GENES, REFERENCE
 
 DIMENSIONS = 6
 BINS = 5
@@ -116,10 +116,11 @@ def mutate(parents: jax.Array, key: jax.Array) -> jax.Array:
 
 @partial(jax.jit, static_argnames="count")
 def breed(archive: Archive, count: int, key: jax.Array) -> jax.Array:
-    """Levels u8[count, 36] to evaluate next: mutated elites, or random gaits while the archive is empty."""
+    """Levels u8[count, 36] to evaluate next: mutated elites; at first random gaits, and the one known tripod."""
     select_key, mutate_key, sample_key = jax.random.split(key, 3)
     children = mutate(select(archive, count, select_key), mutate_key)
-    return jnp.where(jnp.isfinite(archive.fitness).any(), children, sample(count, sample_key))
+    first = sample(count, sample_key).at[0].set(jnp.rint((LEVELS - 1) * REFERENCE).astype(jnp.uint8))
+    return jnp.where(jnp.isfinite(archive.fitness).any(), children, first)
 
 
 def step(

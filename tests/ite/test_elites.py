@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from srl_jax.ite import elites
+from srl_jax.ite import elites, family
 
 KEY = jax.random.key(0)
 ROWS = 400
@@ -98,8 +98,10 @@ def test_selection_is_uniform_over_filled_cells():
     assert len(share) == len(filled) and np.all(np.abs(share - 1 / len(filled)) < 0.2 / len(filled))
 
 
-def test_an_empty_archive_breeds_random_gaits_and_a_filled_one_its_own():
-    assert len(np.unique(elites.breed(elites.empty(), 64, KEY))) == 21
+def test_an_empty_archive_breeds_random_gaits_and_the_tripod_and_a_filled_one_its_own():
+    first = np.asarray(elites.breed(elites.empty(), 64, KEY))
+    assert len(np.unique(first[1:])) == 21
+    np.testing.assert_allclose(first[0] / 20, family.REFERENCE, atol=1e-6)
     archive = elites.insert(elites.empty(), candidates(0))
     children = np.asarray(elites.breed(archive, 64, KEY)).astype(int)
     parents = np.asarray(archive.genes)[np.isfinite(archive.fitness)]
