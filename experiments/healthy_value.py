@@ -32,11 +32,11 @@ class Arguments:
 
     episodes: int = 128
     """Of each kind."""
-    seen: int = 60
+    seen: int = 80
     """Steps after which a training episode is truncated."""
     whole: int = 200
     """Steps of the episodes that judge."""
-    noise: float = 0.5
+    noise: float = 0.25
     """Standard deviation on pi_B's actions, so that it does not always succeed."""
     damage: tuple[str, ...] = ("healthy", "tibia_rm", "leg_rf", "leg_rm", "leg_rm+leg_lm")
     members: int = 5
