@@ -1,7 +1,6 @@
 """Python's part of a run: chunks of the compiled program, with evaluations, checkpoints and files between them."""
 
 import dataclasses
-import fcntl
 import resource
 import time
 from collections.abc import Callable
@@ -70,13 +69,7 @@ def run(
         )
     sources.check(config)
     directory.mkdir(parents=True, exist_ok=True)
-    with (directory / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(
-                f"{directory} is in use by another run; wait for it or choose another directory."
-            ) from None
+    with output.in_use(directory):
         output.write_config(directory, config, devices)
         output.write_lanes(directory, plans.lanes)
         teachers = sources.load(config, directory, devices, listener=listener, stopped=stopped)

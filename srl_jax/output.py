@@ -1,10 +1,12 @@
 """The files of a run: what was asked, the lane table, and every measured number in long form."""
 
+import contextlib
 import csv
 import dataclasses
+import fcntl
 import json
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -101,3 +103,19 @@ class Metrics:
         """Appends rows and hands them to the operating system, so that a killed run loses none of them."""
         with self._path.open("a", newline="") as file:
             csv.writer(file).writerows((step, lane, name, f"{value:.7g}") for step, lane, name, value in rows)
+
+
+@contextlib.contextmanager
+def in_use(directory: Path) -> Iterator[None]:
+    """Keeps other processes out of a directory.
+
+    Raises:
+        ValueError: another process is in it.
+    """
+    with (directory / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            said = f"{directory} is in use by another run; wait for it or choose another directory."
+            raise ValueError(said) from None
+        yield

@@ -1,12 +1,9 @@
 """The files of a search for a repertoire: its settings, its checkpoint, its metrics."""
 
-import contextlib
 import csv
 import dataclasses
-import fcntl
 import platform
 import zipfile
-from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -72,18 +69,3 @@ def read_checkpoint(path: Path) -> Search | None:
     if [x.shape for x in archive] != [x.shape for x in elites.empty()] or search.history.shape[1:] != (len(METRICS),):
         raise ValueError(f"{path} is of another version; remove it to start again.")
     return search
-
-
-@contextlib.contextmanager
-def in_use(directory: Path) -> Iterator[None]:
-    """Keeps other processes out of a directory.
-
-    Raises:
-        ValueError: another process is in it.
-    """
-    with (directory / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(f"{directory} is in use by another run; wait for it or choose another.") from None
-        yield

@@ -18,7 +18,7 @@ from srl_jax.ite import elites, evaluate, figure, files, repertoire
 from srl_jax.ite.elites import CELLS, Archive
 from srl_jax.ite.files import METRICS, Search
 from srl_jax.ite.settings import Settings, check
-from srl_jax.output import write_json
+from srl_jax.output import in_use, write_json
 
 
 class Status(NamedTuple):
@@ -70,7 +70,7 @@ def run(
     search = files.read_checkpoint(directory / "checkpoint.npz") if resume else None
     search = search or Search(elites.empty(), np.zeros((0, len(METRICS))), 0.0)
     directory.mkdir(parents=True, exist_ok=True)
-    with files.in_use(directory):
+    with in_use(directory):
         files.write_config(directory, settings, devices)
         walker = _Walker(settings, damage, devices)
         listener(status(search, settings, "compiling", 0.0))

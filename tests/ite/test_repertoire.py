@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from srl_jax import output
 from srl_jax import repertoire as cli
 from srl_jax.ite import elites, evaluate, figure, files, repertoire, search
 from srl_jax.ite.display import SearchDisplay
@@ -178,7 +179,7 @@ def test_directories_that_cannot_be_used_are_refused(finished, capsys, monkeypat
     line = sentence(capsys, monkeypatch, "--resume", whole, "--seed", "3", "--damage", "leg_rm")
     assert "seed" in line and "damage" in line
     assert "evaluations is 16" in sentence(capsys, monkeypatch, "--resume", whole, "--evaluations", "16")
-    with files.in_use(finished[0]):
+    with output.in_use(finished[0]):
         assert "in use" in sentence(capsys, monkeypatch, "--resume", whole)
 
 
