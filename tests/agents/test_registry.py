@@ -35,6 +35,6 @@ def test_an_agent_has_the_functions_that_training_calls(algo):
 def test_the_main_job_imports_nothing_that_it_does_not_use():
     found = subprocess.run([sys.executable, "-c", MAIN_JOB], capture_output=True, text=True, check=True).stdout.split()
     assert "srl_jax.agents.srl" in found and "srl_jax.bayes.dropout" in found
-    unused = {"quadrature", "gptd", "gram", "value", "fusion", "calibration", "guidance"}
+    unused = {"quadrature", "gptd", "gram", "value", "calibration", "guidance"}
     assert not [name for name in found if name.startswith("srl_jax.ite") or name.rpartition(".")[2] in unused]
     assert not {"srl_jax.agents.search", "srl_jax.agents.bac", "srl_jax.agents.frozen"} & set(found)
