@@ -1,7 +1,6 @@
 """Makes a repertoire of gaits: ``python -m srl_jax.repertoire --evaluations 200000 --out runs/repertoire``."""
 
 import dataclasses
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,16 +24,8 @@ class Arguments(Settings):
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Parses the command line, searches, prints what was found; exits with 2 after one sentence on bad input."""
-    argv = sys.argv[1:] if argv is None else argv
-    try:
-        sys.exit(_main(argv))
-    except ValueError as error:
-        print(f"srl_jax: {error}", file=sys.stderr)
-    except OSError as error:
-        reason = f"{error.strerror or error}: {error.filename or 'while writing results'}"
-        print(f"srl_jax: {reason}.", file=sys.stderr)
-    sys.exit(run.EXIT_USAGE)
+    """Parses the command line, searches, prints what was found; exits as `run.leave` says."""
+    run.leave(_main, argv)
 
 
 def _main(argv: list[str]) -> int:

@@ -5,9 +5,10 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import tyro
 
@@ -29,19 +30,20 @@ class Arguments(Config):
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Parses the command line, runs, prints the closing table; exits with 2 after one sentence on bad input."""
-    argv = sys.argv[1:] if argv is None else argv
+    """Parses the command line, runs, prints the closing table; exits as `leave` says."""
+    leave(_main, argv)
+
+
+def leave(program: Callable[[list[str]], int], argv: list[str] | None) -> NoReturn:
+    """Exits with what a program of these arguments returns; with 2, after one sentence, where its input was bad."""
     try:
-        sys.exit(_main(argv))
+        sys.exit(program(sys.argv[1:] if argv is None else argv))
     except ValueError as error:
         print(f"srl_jax: {error}", file=sys.stderr)
-        sys.exit(EXIT_USAGE)
     except OSError as error:
-        print(
-            f"srl_jax: {error.strerror or error}: {error.filename or 'while writing results'}.",
-            file=sys.stderr,
-        )
-        sys.exit(EXIT_USAGE)
+        reason = f"{error.strerror or error}: {error.filename or 'while writing results'}"
+        print(f"srl_jax: {reason}.", file=sys.stderr)
+    sys.exit(EXIT_USAGE)
 
 
 def _main(argv: list[str]) -> int:
