@@ -7,6 +7,7 @@ information is ``diag(1, 2)``, known exactly whatever the gait.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -133,8 +134,8 @@ def finish(state: SearchState, episodes: Episodes, *, config: SearchConfig, hype
         count=state.count + jnp.sum(fresh),
     )
     full = state.count >= config.trajectories
-    after = ascend(state, config=config, hyper=hyper)._replace(since=jnp.max(episodes.now))
-    return jax.tree.map(lambda new, old: jnp.where(full, new, old), after, state)
+    step = partial(ascend, config=config, hyper=hyper)
+    return jax.lax.cond(full, lambda: step(state)._replace(since=jnp.max(episodes.now)), lambda: state)
 
 
 def ascend(state: SearchState, *, config: SearchConfig, hyper: Hyper) -> SearchState:

@@ -6,7 +6,7 @@ that a trial costs one robot one episode. The student is the best gait that was 
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import jax
@@ -109,21 +109,27 @@ def act(
 def finish(state: ITEState, episodes: Episodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
     """Records the first environment's trial where one has ended, and chooses the next gait (Cully et al., Methods)."""
     own = jax.tree.map(lambda x: x[0], episodes)
+    counts = own.ended & ~state.over & (own.began >= state.since)
+    tried = partial(after_trial, config=config, hyper=hyper)
+    return jax.lax.cond(counts, tried, lambda state, own: state, state, own)
+
+
+def after_trial(state: ITEState, episode: Episodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
+    """The search after one more trial, an episode without leading axis."""
     prior, gaits = prior_map(config.repertoire)
-    done = trials.record(state.trials, state.cell, own.distance)
+    done = trials.record(state.trials, state.cell, episode.distance)
     mean, deviation = trials.posterior(prior, done, settings(hyper))
     cell = trials.choose(mean, deviation, settings(hyper))
     best, _ = trials.best(done)
-    after = state._replace(
+    return ITEState(
         actor={"gait": gaits[best]},
+        critic=(),
         trials=done,
         cell=cell,
         gait=gaits[cell],
         over=trials.sufficient(mean, done, settings(hyper)) | (done.count >= config.trials),
-        since=own.now,
+        since=episode.now,
     )
-    counts = own.ended & ~state.over & (own.began >= state.since)
-    return jax.tree.map(lambda new, old: jnp.where(counts, new, old), after, state)
 
 
 def update(

@@ -114,12 +114,29 @@ def mutate(parents: jax.Array, key: jax.Array) -> jax.Array:
     return jnp.where(which, (parents + shift) % jnp.uint8(LEVELS), parents)
 
 
+def tripods(count: int, key: jax.Array) -> jax.Array:
+    """Levels u8[count, 36] of tripods: the published one, with five numbers drawn anew and alike for all legs.
+
+    They are the amplitudes and duties of coxa and femur, and the lag between the two.
+    """
+    amplitude_key, duty_key, lag_key = jax.random.split(key, 3)
+    known = jnp.rint((LEVELS - 1) * REFERENCE).astype(jnp.int32).reshape(1, 6, 2, 3)
+    amplitude = jax.random.randint(amplitude_key, (count, 1, 2), 0, LEVELS)
+    duty = jax.random.randint(duty_key, (count, 1, 2), 0, LEVELS)
+    lag = jax.random.randint(lag_key, (count, 1), 0, LEVELS - 1)  # of the femur behind the coxa
+    lag = jnp.stack([jnp.zeros_like(lag), lag], axis=-1)
+    phase = (known[..., 1] + lag) % (LEVELS - 1)
+    genes = jnp.stack(jnp.broadcast_arrays(amplitude, phase, duty), axis=-1)
+    return genes.reshape(count, GENES).astype(jnp.uint8)
+
+
 @partial(jax.jit, static_argnames="count")
 def breed(archive: Archive, count: int, key: jax.Array) -> jax.Array:
-    """Levels u8[count, 36] to evaluate next: mutated elites; at first random gaits, and the one known tripod."""
-    select_key, mutate_key, sample_key = jax.random.split(key, 3)
+    """Levels u8[count, 36] to evaluate next: mutated elites; at first random gaits and `tripods`, in turn."""
+    select_key, mutate_key, sample_key, tripod_key = jax.random.split(key, 4)
     children = mutate(select(archive, count, select_key), mutate_key)
-    first = sample(count, sample_key).at[0].set(jnp.rint((LEVELS - 1) * REFERENCE).astype(jnp.uint8))
+    even = jnp.arange(count)[:, None] % 2 == 0
+    first = jnp.where(even, tripods(count, tripod_key), sample(count, sample_key))
     return jnp.where(jnp.isfinite(archive.fitness).any(), children, first)
 
 
