@@ -34,7 +34,6 @@ from matplotlib import pyplot as plt
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"
 SHORT = {"environments": "4", "evaluate-every": "2000", "checkpoint-every": "10000"}
-SHORT |= {"capacity": "4", "prior-steps": "4"}  # neither of the two replays anything
 Scores = dict[str, np.ndarray]  # [seeds, damages]
 
 
@@ -81,7 +80,7 @@ def read(directory: Path) -> tuple[dict[str, Scores], float]:
             last[key] = (step, float(row["value"]))
     seeds = sorted({int(lane["seed"]) for lane in lanes})
     methods: dict[str, Scores] = defaultdict(dict)
-    for metric in ("eval/distance", "eval/fell", "healthy/distance", "train/trials"):
+    for metric in ("eval/distance", "eval/fell", "healthy/distance", "train/trial_seconds"):
         for lane in lanes:
             if (metric, int(lane["lane"])) in last:
                 name = f"{lane['algo']} {lane['variant']}".strip()
@@ -89,9 +88,8 @@ def read(directory: Path) -> tuple[dict[str, Scores], float]:
                 place = seeds.index(int(lane["seed"])), losses21().index(lane["damage"])
                 table[place] = last[metric, int(lane["lane"])][1]
     for name, scores in methods.items():
-        robot_steps = 0 if name in ("tripod", "pi_b") else config.steps
-        trials = scores.get("train/trials")
-        seconds = robot_steps / CONTROL_HZ if trials is None else trials * config.env.episode_steps / CONTROL_HZ
+        learning = 0.0 if name in ("tripod", "pi_b") else config.steps / CONTROL_HZ
+        seconds = scores.get("train/trial_seconds", learning)
         scores["seconds"] = np.broadcast_to(seconds, scores["eval/distance"].shape)
     return dict(methods), config.env.episode_steps / CONTROL_HZ
 

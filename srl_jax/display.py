@@ -33,17 +33,24 @@ class Display:
             disable=not self.console.is_terminal,
         )
         self.task = self.bar.add_task("starting", total=1, rates="")
+        self._begun = False
 
     def __enter__(self) -> "Display":
-        self.console.print(f"Results go to {self.directory}")
-        self.bar.start()
         return self
+
+    def begin(self) -> None:
+        """Says once where results go; not before there is a status to show, since the input may yet be refused."""
+        if not self._begun:
+            self._begun = True
+            self.console.print(f"Results go to {self.directory}")
+            self.bar.start()
 
     def __exit__(self, *exception: object) -> None:
         self.bar.stop()
 
     def update(self, status: Status) -> None:
         """Shows the newest status; on a file, one line whenever something was evaluated."""
+        self.begin()
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
         self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
         shown = (status.phase, latest(status))

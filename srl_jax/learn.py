@@ -36,11 +36,10 @@ def batch_size(config: AgentConfig) -> int:
 
 
 def sample_rows(program: Program, state: TrainState, keys: jax.Array) -> jax.Array:
-    """Packed mini-batches f32[R, B, W] of all rows by one gather; B is the largest batch of any algorithm."""
+    """Packed mini-batches f32[R, B, W] of all rows; B is the largest batch of any algorithm."""
     size = max(batch_size(program.agent_config(algo)) for algo, _ in program.layout.counts)
     filled = jnp.minimum(state.clock, state.replay.rows.shape[1])
-    index = jax.vmap(lambda k: jax.random.randint(k, (size,), 0, filled))(keys)
-    return jax.vmap(lambda rows, i: rows[i])(state.replay.rows, index)
+    return jax.vmap(lambda memory, key: replays.draw(memory, filled, size, key))(state.replay, keys)
 
 
 def learn_algo(

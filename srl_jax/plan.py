@@ -188,14 +188,20 @@ def check_ensemble(algo: str, config: DDPGConfig) -> None:
             raise ValueError(f"{algo}.{name} is {draws}: it must be a positive multiple of critics={config.critics}.")
 
 
+def capacity(config: Config) -> int:
+    """Transitions that a lane remembers: those of one step where no algorithm of the run replays any."""
+    replays = any(isinstance(getattr(config, algo), ActorConfig) for algo in parse_algos(config.algos))
+    return config.train.capacity if replays else config.train.environments
+
+
 def memory_bytes(config: Config, rows: int) -> dict[str, int]:
     """Bytes that a run allocates, by purpose: arithmetic only.
 
     The replay dominates: rows x capacity x (2 O + 18 + 3) x 4 bytes, and again while a checkpoint is being written.
     """
     size = observation_size(config.task, config.env)
-    replay = rows * config.train.capacity * width(size, ACTION_SIZE) * 4
-    checkpoint = rows * min(config.train.capacity, config.steps) * width(size, ACTION_SIZE) * 4
+    replay = rows * capacity(config) * width(size, ACTION_SIZE) * 4
+    checkpoint = rows * min(capacity(config), config.steps) * width(size, ACTION_SIZE) * 4
     agents = [getattr(config, algo) for algo in parse_algos(config.algos)]
     per_algo = [network_sizes(agent, size, ACTION_SIZE) for agent in agents if isinstance(agent, ActorConfig)]
     networks = rows * max((4 * actor + 4 * critic for actor, critic in per_algo), default=0) * 4
@@ -212,7 +218,7 @@ def check_memory(config: Config, rows: int) -> str:
     total = sum(parts.values()) / 2**30
     size = observation_size(config.task, config.env)
     line = (
-        f"{rows} rows x {config.train.capacity} transitions x {width(size, ACTION_SIZE)} floats x 4 bytes = "
+        f"{rows} rows x {capacity(config)} transitions x {width(size, ACTION_SIZE)} floats x 4 bytes = "
         + " + ".join(f"{value / 2**30:.2f} GiB {name}" for name, value in parts.items())
     )
     if total > config.memory_gb:

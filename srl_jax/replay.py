@@ -45,24 +45,30 @@ def unpack(rows: jax.Array, observation_size: int) -> Transition:
     )
 
 
-def add(replay: Replay, transition: Transition, at: jax.Array) -> Replay:
+def add(replay: Replay, transition: Transition, at: jax.Array, wanted: jax.Array | bool = True) -> Replay:
     """Writes E transitions at the rows that follow write number `at`.
 
     Args:
         replay: capacity C, a multiple of E.
         transition: leading axis E.
         at: i32[] number of rows ever written, a multiple of E; wraps around at C.
+        wanted: bool[] False writes back what is there; to choose between two buffers would copy them whole.
     """
     new = pack(transition)
     chex.assert_equal(new.shape[1:], replay.rows.shape[1:])
     start = at % replay.rows.shape[0]
-    return Replay(jax.lax.dynamic_update_slice_in_dim(replay.rows, new, start, axis=0))
+    old = jax.lax.dynamic_slice_in_dim(replay.rows, start, len(new))
+    return Replay(jax.lax.dynamic_update_slice_in_dim(replay.rows, jnp.where(wanted, new, old), start, axis=0))
 
 
-def sample(replay: Replay, filled: jax.Array, n: int, key: jax.Array, observation_size: int) -> Transition:
-    """Draws n transitions uniformly, with replacement, from the first `filled` rows.
+def draw(replay: Replay, filled: jax.Array, n: int, key: jax.Array) -> jax.Array:
+    """Draws n packed transitions f32[n, W] uniformly, with replacement, from the first `filled` rows.
 
     With replacement, since `choice(replace=False)` costs 250 times as much and batches are far smaller than buffers.
     """
-    index = jax.random.randint(key, (n,), 0, jnp.maximum(filled, 1))
-    return unpack(replay.rows[index], observation_size)
+    return replay.rows[jax.random.randint(key, (n,), 0, jnp.maximum(filled, 1))]
+
+
+def sample(replay: Replay, filled: jax.Array, n: int, key: jax.Array, observation_size: int) -> Transition:
+    """`draw`, unpacked: transitions with a leading axis n."""
+    return unpack(draw(replay, filled, n, key), observation_size)

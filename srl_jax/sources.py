@@ -115,8 +115,7 @@ def _trial_run(config: Config) -> Config:
     """Tries gaits of the repertoire on every lane's damage, straight ahead, which is what its gaits do."""
     steps = config.ite.trials * config.env.episode_steps * config.train.environments
     every = dict(evaluate_every=steps, checkpoint_every=steps, warmup=steps)
-    count = config.train.environments
-    train = dataclasses.replace(config.train, **every, prior_steps=count, capacity=count)  # nothing is replayed
+    train = dataclasses.replace(config.train, **every)
     damage = config.damage if config.damage != "task" else ",".join(damages.parse_names("task", config.task))
     return dataclasses.replace(config, behaviour="gait", algos="ite", task="x", damage=damage, steps=steps, train=train)
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from srl_jax import lanes as lane_table
+from srl_jax import plan
 from srl_jax import replay as replays
 from srl_jax.agents import behaviour, registry
 from srl_jax.blocks import blocked_map
@@ -39,10 +40,10 @@ def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
 def init_state(engine: Engine, lanes: LaneData) -> TrainState:
     """Everything at step 0: random agents, empty replay, robots at the start of an episode."""
     program = engine.program
-    train, rows = program.config.train, len(program.layout.rows)
+    rows, capacity = len(program.layout.rows), plan.capacity(program.config)
     size = replays.width(hexapod.observation_size(program.config.task, program.config.env), ACTION_SIZE)
     place = sharding(program)
-    empty = jax.jit(lambda: replays.Replay(jnp.zeros((rows, train.capacity, size))), out_shardings=place)
+    empty = jax.jit(lambda: replays.Replay(jnp.zeros((rows, capacity, size))), out_shardings=place)
     return TrainState(
         clock=on_all(program, jnp.zeros((), jnp.int32)),
         agents=init_agents(program, lanes),

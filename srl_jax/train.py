@@ -16,7 +16,6 @@ from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, EnvStep
 from srl_jax.learn import learn_episodes, learn_rows
-from srl_jax.replay import Replay
 from srl_jax.state import (
     AXIS,
     Episode,
@@ -91,7 +90,8 @@ def vector_step(
         next_observation=step.observation,
         chosen=act_state.guidance.choice.astype(jnp.float32),
     )
-    memory = store(state.replay, transition, state.clock, mode_.store, alive)
+    add = jax.vmap(replays.add, (0, 0, None, 0))
+    memory = add(state.replay, transition, state.clock, mode_.store & alive)
     episodes = ended_episodes(program, state, act_state, env, step, alive & mode_.learn)
     agents = learn_episodes(program, lanes, state.agents, episodes)
     tally, episode = count_step(tally, state.world.episode, act_state, step, alive, first_only=~mode_.store)
@@ -164,18 +164,6 @@ def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.A
 
 def _flat(rows):
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), rows)
-
-
-def store(memory: Replay, transition: Transition, clock: jax.Array, wanted: jax.Array, alive: jax.Array) -> Replay:
-    """Writes the transitions of all rows at the shared clock; unwanted ones write back what is there.
-
-    A write under a batched predicate would copy the whole buffer.
-    """
-    new = replays.pack(transition)
-    start = (0, clock % memory.rows.shape[1], 0)
-    old = jax.lax.dynamic_slice(memory.rows, start, new.shape)
-    rows = jnp.where((wanted & alive)[:, None, None], new, old)
-    return Replay(jax.lax.dynamic_update_slice(memory.rows, rows, start))
 
 
 def ended_episodes(

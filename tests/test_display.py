@@ -33,3 +33,10 @@ def test_a_file_gets_one_line_for_each_evaluation():
         for state in [STATES[1]] * 5 + [STATES[2]] * 5:
             display.update(state)
     assert console.file.getvalue().count("training") == 2
+
+
+def test_nothing_is_announced_that_was_refused():
+    console = Console(file=io.StringIO(), force_terminal=False, width=160)
+    with pytest.raises(ValueError), Display(Path("x"), console):
+        raise ValueError
+    assert console.file.getvalue() == ""

@@ -81,3 +81,8 @@ def test_memory_is_refused_with_its_arithmetic():
     with pytest.raises(ValueError, match=r"memory_gb is 1, .*120 rows x 50000 transitions x 123 floats x 4 bytes"):
         plan.check_memory(config(memory_gb=1.0), 120)
     assert "2.75 GiB replay" in plan.check_memory(config(), 120)
+
+
+def test_only_agents_that_replay_are_given_memory():
+    assert plan.capacity(config(algos="tripod,ite,mcpg")) == config().train.environments
+    assert plan.capacity(config(algos="tripod,ddpg")) == config().train.capacity

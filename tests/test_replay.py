@@ -93,3 +93,9 @@ def test_lanes_under_vmap_keep_their_own_rows():
     for lane in range(3):
         alone = add(replay.init(4, STATE, ACTION), jax.tree.map(lambda x, i=lane: x[i], new), jnp.int32(2))
         np.testing.assert_array_equal(wide.rows[lane], alone.rows)
+
+
+def test_an_unwanted_write_changes_nothing():
+    buffer = add(replay.init(4, STATE, ACTION), transitions(4), jnp.int32(0))
+    same = add(buffer, transitions(2, seed=1), jnp.int32(4), jnp.array(False))
+    np.testing.assert_array_equal(same.rows, buffer.rows)

@@ -16,10 +16,11 @@ from srl_jax.agents.ddpg import Metrics, Teacher
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.settings import ITEConfig
 from srl_jax.env import gait
+from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.ite import family, repertoire, trials
 from srl_jax.types import ActState, Episodes, Params, Transition
 
-METRICS = ("trials", "trial_best", "trial_over")
+METRICS = ("trials", "trial_seconds", "trial_gait", "trial_best", "trial_over")
 
 
 class ITEState(NamedTuple):
@@ -28,6 +29,7 @@ class ITEState(NamedTuple):
     actor: Params  # {"gait": f32[36]} the best gait tried, or the map's best before the first trial
     critic: tuple
     trials: trials.TrialState
+    seconds: jax.Array  # f32[] of robot time that the trials took
     cell: jax.Array  # i32[] of the map, whose gait is being tried
     gait: jax.Array  # f32[36] of that cell
     over: jax.Array  # bool[] good enough, or no trial left
@@ -70,6 +72,7 @@ def init(
         actor={"gait": gaits[first]},
         critic=(),
         trials=trials.init(config.trials),
+        seconds=jnp.zeros(()),
         cell=first,
         gait=jnp.copy(gaits[first]),  # donated buffers must not alias
         over=jnp.zeros((), bool),
@@ -125,6 +128,7 @@ def after_trial(state: ITEState, episode: Episodes, *, config: ITEConfig, hyper:
         actor={"gait": gaits[best]},
         critic=(),
         trials=done,
+        seconds=state.seconds + (episode.now - episode.began) / CONTROL_HZ,
         cell=cell,
         gait=gaits[cell],
         over=trials.sufficient(mean, done, settings(hyper)) | (done.count >= config.trials),
@@ -142,8 +146,19 @@ def update(
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
 ) -> tuple[ITEState, Metrics]:
-    """Nothing but the search's progress: trials made, the best of them (m), and whether it is over."""
+    """Nothing but the search's progress.
+
+    Returns:
+        The state as it was, and metrics: trials made, their robot time (s), the row of the repertoire that the best of
+        them walked by, how far it came (m), and whether the search is over.
+    """
     del batch, key, config, hyper, step, teachers
-    best = jnp.where(state.trials.count > 0, trials.best(state.trials)[1], 0.0)
-    measured = {"trials": state.trials.count, "trial_best": best, "trial_over": state.over}
+    some, (cell, reached) = state.trials.count > 0, trials.best(state.trials)
+    measured = {
+        "trials": state.trials.count,
+        "trial_seconds": state.seconds,
+        "trial_gait": jnp.where(some, cell, state.cell),
+        "trial_best": jnp.where(some, reached, 0.0),
+        "trial_over": state.over,
+    }
     return state, {name: value.astype(jnp.float32) for name, value in measured.items()}

@@ -26,6 +26,7 @@ class SearchDisplay(Display):
 
     def show(self, status: Status) -> None:
         """Shows the newest status; on a file, a line for every new phase, every half minute, and at the end."""
+        self.begin()
         figures = f"{status.rate:,.0f} gaits/s  {status.filled:,} cells  best {status.best / SECONDS:.3f} m/s"
         self.bar.update(
             self.task, description=status.phase, completed=status.evaluations, total=status.wanted, rates=figures

@@ -63,6 +63,9 @@ def test_a_good_trial_ends_the_search_and_a_bad_one_moves_on(config):
     np.testing.assert_array_equal(second.actor["gait"], gaits[bad.cell])  # the best so far, though not good enough
     third = finish(second, ended(0.1, began=200, now=300))
     assert third.over and third.trials.count == 3
+    _, metrics = agent.update(third, None, None, config=config, hyper=None, step=None)  # what it reports needs none
+    expected = {"trials": 3, "trial_seconds": 15.0, "trial_gait": int(bad.cell), "trial_best": 0.8, "trial_over": 1}
+    assert {name: round(float(value), 5) for name, value in metrics.items()} == expected
     np.testing.assert_array_equal(third.actor["gait"], gaits[bad.cell])
 
 
