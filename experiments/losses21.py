@@ -33,7 +33,7 @@ from matplotlib import pyplot as plt
 
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"
-SHORT = {"environments": "4", "evaluate-every": "2000", "checkpoint-every": "10000"}
+SHORT = {"environments": "4", "evaluate-every": "2000", "checkpoint-every": "8000"}
 Scores = dict[str, np.ndarray]  # [seeds, damages]
 
 
@@ -54,7 +54,7 @@ def train(arguments: Arguments) -> None:
     if (arguments.runs / "summary.json").exists():
         return
     command = [sys.executable, "-m", "srl_jax.run", "--task", "x", "--damage", "losses21", "--algos", "tripod,ite"]
-    command += ["--seeds", arguments.seeds, "--steps", "10000", "--out", str(arguments.runs)]
+    command += ["--seeds", arguments.seeds, "--steps", "8000", "--out", str(arguments.runs)]
     command += [word for name, value in SHORT.items() for word in (f"--train.{name}", value)]
     if (arguments.runs / "config.json").exists():
         command = [sys.executable, "-m", "srl_jax.run", "--resume", str(arguments.runs)]

@@ -41,6 +41,7 @@ def save_map(archive: Archive, history: np.ndarray, path: Path) -> None:
             for column, name, color in zip(columns, ("best", "mean"), ("#0072B2", "#E69F00"), strict=False):
                 axes.plot(history[:, 0], history[:, column], color=color, label=name)
             axes.set(ylabel=label, xlabel="evaluations", xlim=(0, None))
+            axes.locator_params(axis="x", nbins=5)
         coverage.set_ylim(0, None)
         speed.legend(loc="lower right")
         coverage.set_title(f"{len(found):,} of {CELLS:,} cells ({len(found) / CELLS:.0%})", loc="left", fontsize=10)
