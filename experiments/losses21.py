@@ -83,7 +83,8 @@ def read(directory: Path) -> tuple[dict[str, Scores], float]:
     for metric in ("eval/distance", "eval/fell", "healthy/distance", "train/trial_seconds"):
         for lane in lanes:
             if (metric, int(lane["lane"])) in last:
-                name = f"{lane['algo']} {lane['variant']}".strip()
+                taught = "" if config.behaviour == "gait" else f"by {config.behaviour}"
+                name = " ".join(filter(None, (lane["algo"], lane["variant"], taught)))
                 table = methods[name].setdefault(metric, np.full((len(seeds), len(found)), np.nan))
                 place = seeds.index(int(lane["seed"])), losses21().index(lane["damage"])
                 table[place] = last[metric, int(lane["lane"])][1]
@@ -141,7 +142,8 @@ def main() -> None:
     methods, seconds = read(arguments.runs)
     reference = float(methods["tripod"]["healthy/distance"].mean())
     for directory in arguments.others:
-        methods |= read(directory)[0]
+        found, _ = read(directory)
+        methods |= {f"{name}, {directory.name}" if name in methods else name: x for name, x in found.items()}
     console = Console(width=140)
     console.print(
         f"21 losses x {len(methods['tripod']['eval/fell'])} seeds; healthy tripod {reference / seconds:.3f} m/s"
