@@ -18,7 +18,7 @@ from rich.console import Console
 
 from srl_jax import output, report
 from srl_jax.display import results
-from srl_jax.run import differences
+from srl_jax.run import differences, leave
 
 
 @dataclass(frozen=True)
@@ -80,4 +80,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

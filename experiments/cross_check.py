@@ -22,6 +22,7 @@ from srl_jax.agents.ddpg import student
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, hexapod
 from srl_jax.evaluate import Rollout, converged_model, rollout_c, rollout_mjx
+from srl_jax.run import leave
 
 
 @dataclass(frozen=True)
@@ -70,4 +71,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

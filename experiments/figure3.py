@@ -14,6 +14,7 @@ import tyro
 
 from srl_jax import report
 from srl_jax.plot import save_panels
+from srl_jax.run import leave
 
 TASKS = ("x", "xy", "p2p")
 
@@ -56,4 +57,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

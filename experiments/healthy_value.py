@@ -24,6 +24,7 @@ from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import Hexapod
 from srl_jax.lanes import Lane
+from srl_jax.run import leave
 
 
 @dataclass(frozen=True)
@@ -108,4 +109,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

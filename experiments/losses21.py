@@ -27,6 +27,7 @@ from srl_jax import output, statistics
 from srl_jax.env.damage import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.ite import repertoire
+from srl_jax.run import leave
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -138,11 +139,11 @@ def draw(methods: dict[str, Scores], reference: float, path: Path) -> None:
 def main() -> None:
     """Trains, prints the table, draws the figure."""
     arguments = tyro.cli(Arguments)
+    others = [read(directory)[0] for directory in arguments.others]  # before anything long
     train(arguments)
     methods, seconds = read(arguments.runs)
     reference = float(methods["tripod"]["healthy/distance"].mean())
-    for directory in arguments.others:
-        found, _ = read(directory)
+    for directory, found in zip(arguments.others, others, strict=True):
         methods |= {f"{name}, {directory.name}" if name in methods else name: x for name, x in found.items()}
     console = Console(width=140)
     console.print(
@@ -154,4 +155,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

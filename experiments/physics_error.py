@@ -17,6 +17,7 @@ from srl_jax.env import damage as damages
 from srl_jax.env import gait as gaits
 from srl_jax.env import hexapod
 from srl_jax.evaluate import Policy, Rollout, converged_model, rollout_c, rollout_mjx
+from srl_jax.run import leave
 
 KINDS = (
     "healthy",
@@ -95,4 +96,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args))
+    leave(main, tyro.cli(Args))

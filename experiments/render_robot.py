@@ -12,6 +12,7 @@ import numpy as np
 import tyro
 
 from srl_jax import video
+from srl_jax.run import leave
 
 
 @dataclass(frozen=True)
@@ -49,4 +50,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args))
+    leave(main, tyro.cli(Args))

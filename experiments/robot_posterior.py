@@ -27,6 +27,7 @@ from srl_jax.bayes import calibration, dropout, guidance, thompson
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import EnvState, Hexapod
+from srl_jax.run import leave
 
 LEVELS = (0.5, 0.8, 0.95)
 NOISE = 0.25
@@ -156,4 +157,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

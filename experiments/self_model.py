@@ -27,6 +27,7 @@ from srl_jax.env import hexapod
 from srl_jax.evaluate import converged_model
 from srl_jax.ite import probing, selfmodel
 from srl_jax.plot import FIXED, STYLE
+from srl_jax.run import leave
 from srl_jax.statistics import stratified_interval
 
 BLOCK = 128  # robots stepped together: as many as fit the cache
@@ -152,4 +153,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args))
+    leave(main, tyro.cli(Args))

@@ -19,7 +19,7 @@ from mujoco import rollout
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.run import use_devices
+from srl_jax.run import leave, use_devices
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,4 +163,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main)

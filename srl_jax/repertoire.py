@@ -1,6 +1,7 @@
 """Makes a repertoire of gaits: ``python -m srl_jax.repertoire --evaluations 200000 --out runs/repertoire``."""
 
 import dataclasses
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ class Arguments(Settings):
 
 def main(argv: list[str] | None = None) -> None:
     """Parses the command line, searches, prints what was found; exits as `run.leave` says."""
-    run.leave(_main, argv)
+    run.leave(_main, sys.argv[1:] if argv is None else argv)
 
 
 def _main(argv: list[str]) -> int:

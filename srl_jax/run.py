@@ -31,13 +31,13 @@ class Arguments(Config):
 
 def main(argv: list[str] | None = None) -> None:
     """Parses the command line, runs, prints the closing table; exits as `leave` says."""
-    leave(_main, argv)
+    leave(_main, sys.argv[1:] if argv is None else argv)
 
 
-def leave(program: Callable[[list[str]], int], argv: list[str] | None) -> NoReturn:
+def leave(program: Callable[..., int | None], *arguments: Any) -> NoReturn:
     """Exits with what a program of these arguments returns; with 2, after one sentence, where its input was bad."""
     try:
-        sys.exit(program(sys.argv[1:] if argv is None else argv))
+        sys.exit(program(*arguments))
     except ValueError as error:
         print(f"srl_jax: {error}", file=sys.stderr)
     except OSError as error:

@@ -161,9 +161,9 @@ class SearchConfig:
     """Monte-Carlo's gradient, or that of Bayesian quadrature."""
     trajectories: int = 20
     """Episodes in one estimate (M)."""
-    search_rate: Sweep = (0.3,)
+    search_rate: Sweep = (1.0,)
     """Step along the natural gradient of standardised returns, in standard deviations of the search."""
-    spread: Sweep = (0.1,)
+    spread: Sweep = (0.2,)
     """Standard deviation of the parameters at the start, in units of action (1: a joint's full excursion)."""
     spread_floor: Sweep = (0.02,)
     """Standard deviation below which the search does not fall."""
@@ -198,8 +198,9 @@ class BACConfig(ActorConfig):
     batch: int = 64
     """Transitions in a mini-batch, all of which meet in one Gaussian process."""
     init: Literal["random", "behaviour"] = "behaviour"
+    actor_lr: Sweep = (3e-5,)
     noise_correlation: Sweep = (0.0,)
-    kernel_length: Sweep = (3.0,)
+    kernel_length: Sweep = (10.0,)
     """Length scale of the critic's kernel of observations (whose components are of order one)."""
     value_scale: Sweep = (100.0,)
     """Prior variance of the value of a state."""

@@ -15,7 +15,9 @@ from srl_jax.bayes import gptd, gram
 from srl_jax.types import Transition
 
 OBSERVATION, ACTION = 3, 2
-CONFIG = BACConfig(hidden=(8,), layer_norm=False, batch=32, init="random", freeze=(0.0,), actor_lr=(1e-2,))
+CONFIG = BACConfig(
+    hidden=(8,), layer_norm=False, batch=32, init="random", freeze=(0.0,), actor_lr=(1e-2,), kernel_length=(3.0,)
+)
 HYPER = from_config(CONFIG)
 KEY = jax.random.key(0)
 

@@ -22,7 +22,7 @@ def gait(params, observation):
 
 TEACHER = Partial(gait, {"gain": jnp.float32(2.0), "bias": jnp.array([0.1, 0.2])})
 KEY, OBSERVATION = jax.random.key(0), jnp.array([1.0, -1.0, 0.5])
-CONFIG = SearchConfig(trajectories=M)
+CONFIG = SearchConfig(trajectories=M, search_rate=(0.3,), spread=(0.1,))
 
 
 def begin(config: SearchConfig = CONFIG) -> search.SearchState:
