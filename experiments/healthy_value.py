@@ -21,7 +21,7 @@ from srl_jax import sources
 from srl_jax.bayes import dropout, value
 from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
-from srl_jax.env import hexapod
+from srl_jax.env import damage_names, hexapod
 from srl_jax.env.hexapod import Hexapod
 from srl_jax.lanes import Lane
 from srl_jax.run import leave
@@ -78,7 +78,7 @@ def main() -> None:
     rolled = jax.jit(jax.vmap(one, (None, 0)))
     train_key, fit_key, mask_key, test_key = jax.random.split(jax.random.key(arguments.seed), 4)
 
-    healthy = damages.build(damages.HEALTHY)
+    healthy = damages.build(damage_names.HEALTHY)
     seen, length, success, fell = jax.device_get(rolled(healthy, jax.random.split(train_key, arguments.episodes)))
     cut = length > arguments.seen
     data = value.episodes(

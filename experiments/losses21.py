@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from srl_jax import output, statistics
-from srl_jax.env.damage import losses21
+from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.ite import repertoire
 from srl_jax.run import leave

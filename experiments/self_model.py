@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from srl_jax.blocks import blocked_map
 from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
-from srl_jax.env import hexapod
+from srl_jax.env import damage_names, hexapod
 from srl_jax.evaluate import converged_model
 from srl_jax.ite import probing, selfmodel
 from srl_jax.plot import FIXED, STYLE
@@ -128,7 +128,7 @@ def main(args: Args) -> None:
     """Simulates, identifies, prints the table and saves the figure."""
     if not 1 <= args.probes <= args.motions:
         raise ValueError(f"probes is {args.probes}; accepted are 1 to motions, {args.motions}.")
-    names = probing.distinct(damages.parse_names(args.damages, "x"))
+    names = probing.distinct(damage_names.parse_names(args.damages, "x"))
     robot = hexapod.make("x", EnvConfig(), 1.0)
     motion_key, model_key, truth_key, noise_key, choice_key = jax.random.split(jax.random.key(args.seed), 5)
     actions = probing.probes(motion_key, args.motions, args.steps, amplitude=args.amplitude)

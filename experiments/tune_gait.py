@@ -16,8 +16,8 @@ import tyro
 
 from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
+from srl_jax.env import damage_names, hexapod
 from srl_jax.env import gait as gaits
-from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.gait import Gait
 
@@ -86,7 +86,7 @@ def search(run: Callable[..., Seen], size: int, generations: int, goal_count: in
         goals = jnp.concatenate([jnp.array([AHEAD]), draw_goals(goal_count, goal_key)])
         resets = jnp.tile(jax.random.split(reset_key, each), size)
         rows = (Gait(*jnp.repeat(candidates, each, axis=0).T), jnp.tile(goals, (size, 1)), resets)
-        seen = run(damages.build(damages.HEALTHY), *rows)
+        seen = run(damages.build(damage_names.HEALTHY), *rows)
         scores = jax.vmap(score)(jax.tree.map(lambda leaf: leaf.reshape(size, each), seen))
         elite = candidates[jnp.argsort(-scores)[:ELITE]]
         mean = KEEP * mean + (1.0 - KEEP) * jnp.mean(elite, axis=0)
@@ -104,7 +104,7 @@ def x_in_c(robot: hexapod.Hexapod, gait: Gait, key: jax.Array, fine: bool) -> fl
     data = mujoco.MjData(c_model)
     decide = jax.jit(lambda state: gaits.act(gait, hexapod.observe(robot, state)))
     advance = jax.jit(lambda before, after, action: hexapod.advance(robot, before, after, action)[0])
-    state = hexapod.reset(robot, damages.build(damages.HEALTHY), key)[0]._replace(goal=jnp.array(AHEAD))
+    state = hexapod.reset(robot, damages.build(damage_names.HEALTHY), key)[0]._replace(goal=jnp.array(AHEAD))
     data.qpos[:] = state.qpos
     for _ in range(robot.config.episode_steps):
         action = decide(state)
@@ -128,7 +128,7 @@ def main(seed: int = 0, population: int = 128, generations: int = 8, goals: int 
     targets = jnp.concatenate([jnp.tile(jnp.array([AHEAD]), (test, 1)), draw_goals(test, goal_key)])
     walkers = jax.tree.map(lambda leaf: jnp.full(2 * test, leaf), gait)
     measured = {}
-    for name in (damages.HEALTHY, *damages.task_set("x"), *damages.task_set("p2p")):
+    for name in (damage_names.HEALTHY, *damage_names.task_set("x"), *damage_names.task_set("p2p")):
         seen = run(damages.build(name), walkers, targets, jax.random.split(reset_key, 2 * test))
         ahead = {key: seen[key][:test] for key in ("x", "tilt", "stalled")}
         p2p = {f"p2p_{key}": seen[key][test:] for key in ("success", "time")}
@@ -138,7 +138,7 @@ def main(seed: int = 0, population: int = 128, generations: int = 8, goals: int 
     robot = robot._replace(clock_hz=float(gait.frequency))
     for name, fine in (("x_in_c", False), ("x_in_fine_c", True)):
         x = np.mean([x_in_c(robot, gait, key, fine) for key in jax.random.split(c_key, 8)])
-        print(name, measured[damages.HEALTHY].setdefault(name, round(float(x), 4)))
+        print(name, measured[damage_names.HEALTHY].setdefault(name, round(float(x), 4)))
     command = " ".join(["python -m experiments.tune_gait", *sys.argv[1:]])
     values = {name: round(float(value), 4) for name, value in gait._asdict().items()}
     report = {"gait": values, "measured": measured, "command": command}

@@ -114,7 +114,7 @@ def rollout_c(
 
     Args:
         robot: from `hexapod.make`.
-        damage_name: as `damage.canonical`.
+        damage_name: as `damage_names.canonical`.
         policy: observation f32[O] -> action f32[18].
         key: random key.
         steps: T, at least 1.

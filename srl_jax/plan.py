@@ -6,7 +6,7 @@ from srl_jax import lanes as lane_table
 from srl_jax.agents.networks import network_sizes
 from srl_jax.agents.settings import ActorConfig, DDPGConfig, ITEConfig, SearchConfig
 from srl_jax.config import ALGORITHMS, Config
-from srl_jax.env import damage as damages
+from srl_jax.env import damage_names
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
 from srl_jax.lanes import Lane
 from srl_jax.replay import width
@@ -37,7 +37,7 @@ def make(config: Config) -> Plan:
         stages: tuple[tuple[int, str | None], ...] = parse_schedule(config)
         names: tuple[str, ...] = (">".join(f"{name}@{start}" for start, name in stages),)
     else:
-        stages, names = ((0, None),), damages.parse_names(config.damage, config.task)
+        stages, names = ((0, None),), damage_names.parse_names(config.damage, config.task)
     return Plan(lane_table.table(config, seeds, algos, names), stages)
 
 
@@ -68,7 +68,7 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
         name, _, step = part.strip().partition("@")
         if not step.isdigit():
             raise ValueError(f"damage_schedule has {part!r}: write name@step, such as tibia_rm@20000.")
-        stages.append((int(step), damages.canonical(name)))
+        stages.append((int(step), damage_names.canonical(name)))
     starts = [start for start, _ in stages]
     if starts[0] != 0 or starts != sorted(set(starts)) or starts[-1] >= config.steps:
         raise ValueError(f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}.")

@@ -12,7 +12,7 @@ from srl_jax import checkpoint, output, plan
 from srl_jax import lanes as lane_table
 from srl_jax.agents import behaviour as behaviours
 from srl_jax.config import Config
-from srl_jax.env import damage as damages
+from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
 from srl_jax.lanes import Lane
 from srl_jax.types import Params
@@ -116,7 +116,7 @@ def _trial_run(config: Config) -> Config:
     steps = config.ite.trials * config.env.episode_steps * config.train.environments
     every = dict(evaluate_every=steps, checkpoint_every=steps, warmup=steps)
     train = dataclasses.replace(config.train, **every)
-    damage = config.damage if config.damage != "task" else ",".join(damages.parse_names("task", config.task))
+    damage = config.damage if config.damage != "task" else ",".join(damage_names.parse_names("task", config.task))
     return dataclasses.replace(config, behaviour="gait", algos="ite", task="x", damage=damage, steps=steps, train=train)
 
 

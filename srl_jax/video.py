@@ -71,7 +71,7 @@ def render(
 
     Args:
         rollout: of one episode, without a leading axis.
-        damage_name: as `damage.canonical`; lost parts are not drawn, limp links are violet, locked ones blue.
+        damage_name: as `damage_names.canonical`; lost parts are not drawn, limp links are violet, locked ones blue.
         goal_radius: m, of the disc that marks a goal.
         painter: ``gl``, ``plain``, or ``auto`` for ``gl`` where it works.
         size: width and height of the picture in pixels, both even.

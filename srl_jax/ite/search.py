@@ -14,6 +14,7 @@ from jax.sharding import NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from srl_jax.env import damage as damages
+from srl_jax.env import damage_names
 from srl_jax.ite import elites, evaluate, figure, files, repertoire
 from srl_jax.ite.elites import CELLS, Archive
 from srl_jax.ite.files import METRICS, Search
@@ -62,7 +63,7 @@ def run(
         ValueError: the settings, the directory or the checkpoint is unusable; nothing has been written then.
     """
     check(settings)
-    damage = damages.build(damages.canonical(settings.damage))
+    damage = damages.build(damage_names.canonical(settings.damage))
     if settings.batch % devices:
         raise ValueError(f"batch is {settings.batch}: give a multiple of the {devices} devices.")
     if not resume and directory.exists() and any(directory.iterdir()):

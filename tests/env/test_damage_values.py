@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from srl_jax.env import damage
+from srl_jax.env import damage, damage_names
 from srl_jax.env.model import LEGS, load_model, mjx, put_model
 from tests.env.reference import WALKING
 
@@ -42,7 +42,7 @@ def test_apply_under_vmap_is_apply_one_by_one(healthy):
 
 
 def test_every_value_of_the_catalogue_is_finite_and_has_one_shape():
-    whole = damage.stack(damage.catalogue())
+    whole = damage.stack(damage_names.catalogue())
     for field, leaf in whole._asdict().items():
         assert leaf.dtype == np.float32, field
         assert leaf.shape == (82, *getattr(load_model(), field).shape), field
@@ -64,13 +64,13 @@ def test_stack_needs_a_name():
 
 
 def test_catalogue_counts_and_round_trips():
-    names = damage.catalogue()
+    names = damage_names.catalogue()
     assert len(names) == len(set(names)) == 1 + 18 * 3 + 6 * 2 + 15
-    assert tuple(damage.canonical(name) for name in names) == names
+    assert tuple(damage_names.canonical(name) for name in names) == names
     assert names[:4] == ("healthy", "coxa_rf", "coxa_rf:limp", "coxa_rf:locked")
-    assert len(damage.losses21()) == 21
-    assert damage.losses21()[5:7] == ("leg_lr", "leg_rf+leg_rm")
-    assert set(damage.losses21()) <= set(names)
+    assert len(damage_names.losses21()) == 21
+    assert damage_names.losses21()[5:7] == ("leg_lr", "leg_rf+leg_rm")
+    assert set(damage_names.losses21()) <= set(names)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_catalogue_counts_and_round_trips():
     ],
 )
 def test_canonical(name, canonical):
-    assert damage.canonical(name) == canonical
+    assert damage_names.canonical(name) == canonical
 
 
 @pytest.mark.parametrize(
@@ -104,19 +104,19 @@ def test_canonical(name, canonical):
     ],
 )
 def test_bad_names_are_refused_in_a_sentence(name, sentence):
-    for function in (damage.canonical, damage.build, damage.recompiled):
+    for function in (damage_names.canonical, damage.build, damage.recompiled):
         with pytest.raises(ValueError, match=r"^damage .*\.$") as error:
             function(name)
         assert sentence in str(error.value)
 
 
 def test_sets_and_lists_for_the_command_line():
-    assert damage.task_set("x") == tuple(f"tibia_{leg}" for leg in LEGS)
-    assert damage.task_set("xy") == damage.task_set("p2p") == tuple(f"leg_{leg}" for leg in LEGS)
-    assert damage.parse_names("task", "x") == damage.task_set("x")
-    assert damage.parse_names("all", "x") == damage.catalogue()
-    assert damage.parse_names("healthy, leg_lf+leg_rm", "x") == ("healthy", "leg_rm+leg_lf")
+    assert damage_names.task_set("x") == tuple(f"tibia_{leg}" for leg in LEGS)
+    assert damage_names.task_set("xy") == damage_names.task_set("p2p") == tuple(f"leg_{leg}" for leg in LEGS)
+    assert damage_names.parse_names("task", "x") == damage_names.task_set("x")
+    assert damage_names.parse_names("all", "x") == damage_names.catalogue()
+    assert damage_names.parse_names("healthy, leg_lf+leg_rm", "x") == ("healthy", "leg_rm+leg_lf")
     with pytest.raises(ValueError, match="'leg_rm' more than once"):
-        damage.parse_names("leg_rm,leg_rm:removed", "x")
+        damage_names.parse_names("leg_rm,leg_rm:removed", "x")
     with pytest.raises(ValueError, match="task is 'walk'; accepted are x, xy, p2p"):
-        damage.parse_names("task", "walk")
+        damage_names.parse_names("task", "walk")

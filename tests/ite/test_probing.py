@@ -7,7 +7,7 @@ import pytest
 
 from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
-from srl_jax.env import hexapod
+from srl_jax.env import damage_names, hexapod
 from srl_jax.env.model import JOINTS
 from srl_jax.ite import probing
 
@@ -114,7 +114,7 @@ def test_spread_scales_the_noise_of_the_start(robot, servos):
 
 
 def test_a_robot_counts_once_under_its_two_names():
-    names = damages.catalogue()
+    names = damage_names.catalogue()
     distinct = probing.distinct(names)
     assert len(names) == 82 and len(distinct) == 76
     assert set(names) - set(distinct) == {f"leg_{leg}" for leg in ("rf", "rm", "rr", "lf", "lm", "lr")}
