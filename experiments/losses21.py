@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import matplotlib
 import numpy as np
 import tyro
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
@@ -27,10 +28,8 @@ from srl_jax import output, statistics
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.ite import repertoire
+from srl_jax.plot import FIXED, PALETTE, STYLE
 from srl_jax.run import leave
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"
@@ -120,18 +119,21 @@ def summarise(methods: dict[str, Scores], reference: float, seconds: float) -> T
 
 
 def draw(methods: dict[str, Scores], reference: float, path: Path) -> None:
-    """Retained speed of every damage: the mean over seeds as bars, one group a damage."""
-    figure, axes = plt.subplots(figsize=(12, 3.6), layout="constrained")
+    """Retained speed of every damage: the mean over seeds as bars with its standard deviation, one group a damage."""
+    free = (colour for colour in PALETTE if colour not in FIXED.values())
     width = 0.8 / len(methods)
-    for index, (name, scores) in enumerate(methods.items()):
-        values = scores["eval/distance"] / reference
-        places = np.arange(values.shape[1]) + (index - 0.5 * (len(methods) - 1)) * width
-        axes.bar(places, values.mean(0), width, yerr=values.std(0), label=name, error_kw={"lw": 0.8})
-    axes.axhline(1.0, color="0.5", ls=":", lw=1)
-    axes.set_xticks(np.arange(21), [name.replace("leg_", "").replace("+", "\n") for name in losses21()], fontsize=8)
-    axes.set_xlabel("legs lost")
-    axes.set_ylabel("speed, of healthy tripod")
-    axes.legend(frameon=False, ncols=len(methods))
+    with rc_context(STYLE | {"axes.grid": False}):
+        figure = Figure(figsize=(12, 3.6), layout="constrained")
+        axes = figure.subplots()
+        for index, (name, scores) in enumerate(methods.items()):
+            values = scores["eval/distance"] / reference
+            places = np.arange(values.shape[1]) + (index - 0.5 * (len(methods) - 1)) * width
+            look = {"color": FIXED.get(name) or next(free), "error_kw": {"lw": 0.8, "ecolor": "#444444"}}
+            axes.bar(places, values.mean(0), width, yerr=values.std(0), label=name, **look)
+        axes.axhline(1.0, color="0.5", ls=":", lw=1)
+        axes.set_xticks(np.arange(21), [name.replace("leg_", "").replace("+", "\n") for name in losses21()], fontsize=8)
+        axes.set(xlabel="legs lost", ylabel="speed, of healthy tripod")
+        axes.legend(frameon=False, ncols=len(methods))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
 
