@@ -46,19 +46,23 @@ def unpack(rows: jax.Array, observation_size: int) -> Transition:
 
 
 def add(replay: Replay, transition: Transition, at: jax.Array, wanted: jax.Array | bool = True) -> Replay:
-    """Writes E transitions at the rows that follow write number `at`.
+    """Writes E transitions at the rows that follow write number `at`; leading axes are buffers that advance together.
+
+    Not to be mapped where that can be avoided: `vmap` makes a scatter of the write, which is slow.
 
     Args:
-        replay: capacity C, a multiple of E.
-        transition: leading axis E.
-        at: i32[] number of rows ever written, a multiple of E; wraps around at C.
-        wanted: bool[] False writes back what is there; to choose between two buffers would copy them whole.
+        replay: rows f32[..., C, W], the capacity C a multiple of E.
+        transition: leading axes [..., E].
+        at: i32[] number of rows ever written to each, a multiple of E; wraps around at C.
+        wanted: bool[...] False writes back what is there; to choose between two buffers would copy them whole.
     """
-    new = pack(transition)
-    chex.assert_equal(new.shape[1:], replay.rows.shape[1:])
-    start = at % replay.rows.shape[0]
-    old = jax.lax.dynamic_slice_in_dim(replay.rows, start, len(new))
-    return Replay(jax.lax.dynamic_update_slice_in_dim(replay.rows, jnp.where(wanted, new, old), start, axis=0))
+    rows, new = replay.rows, pack(transition)
+    chex.assert_equal_rank([rows, new])
+    chex.assert_equal(new.shape[-1], rows.shape[-1])
+    start = at % rows.shape[-2]
+    old = jax.lax.dynamic_slice_in_dim(rows, start, new.shape[-2], axis=-2)
+    new = jnp.where(jnp.asarray(wanted)[..., None, None], new, old)
+    return Replay(jax.lax.dynamic_update_slice_in_dim(rows, new, start, axis=-2))
 
 
 def draw(replay: Replay, filled: jax.Array, n: int, key: jax.Array) -> jax.Array:

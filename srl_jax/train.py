@@ -90,8 +90,7 @@ def vector_step(
         next_observation=step.observation,
         chosen=act_state.guidance.choice.astype(jnp.float32),
     )
-    add = jax.vmap(replays.add, (0, 0, None, 0))
-    memory = add(state.replay, transition, state.clock, mode_.store & alive)
+    memory = replays.add(state.replay, transition, state.clock, mode_.store & alive)
     episodes = ended_episodes(program, state, act_state, env, step, alive & mode_.learn)
     agents = learn_episodes(program, lanes, state.agents, episodes)
     tally, episode = count_step(tally, state.world.episode, act_state, step, alive, first_only=~mode_.store)

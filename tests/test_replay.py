@@ -86,10 +86,11 @@ def test_an_empty_buffer_samples_its_zero_row():
     chex.assert_trees_all_equal(batch, jax.tree.map(jnp.zeros_like, batch))
 
 
-def test_lanes_under_vmap_keep_their_own_rows():
+@pytest.mark.parametrize("write", [replay.add, jax.vmap(replay.add, (0, 0, None))], ids=["axes", "vmap"])
+def test_lanes_keep_their_own_rows(write):
     buffers = jax.vmap(lambda _: replay.init(4, STATE, ACTION))(jnp.arange(3))
     new = transitions(3, 2)
-    wide = jax.jit(jax.vmap(replay.add, (0, 0, None)))(buffers, new, jnp.int32(2))
+    wide = jax.jit(write)(buffers, new, jnp.int32(2))
     for lane in range(3):
         alone = add(replay.init(4, STATE, ACTION), jax.tree.map(lambda x, i=lane: x[i], new), jnp.int32(2))
         np.testing.assert_array_equal(wide.rows[lane], alone.rows)
@@ -99,3 +100,7 @@ def test_an_unwanted_write_changes_nothing():
     buffer = add(replay.init(4, STATE, ACTION), transitions(4), jnp.int32(0))
     same = add(buffer, transitions(2, seed=1), jnp.int32(4), jnp.array(False))
     np.testing.assert_array_equal(same.rows, buffer.rows)
+    two, new = jax.tree.map(lambda x: jnp.stack([x, x]), (buffer, transitions(2, seed=1)))
+    some = add(two, new, jnp.int32(4), jnp.array([False, True]))
+    np.testing.assert_array_equal(some.rows[0], buffer.rows)
+    assert np.any(some.rows[1] != buffer.rows)
