@@ -27,6 +27,7 @@ from rich.table import Table
 from srl_jax import output, statistics
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.env.model import LEGS
 from srl_jax.ite import repertoire
 from srl_jax.plot import FIXED, PALETTE, STYLE
 from srl_jax.run import leave
@@ -106,14 +107,19 @@ def cell(values: np.ndarray, statistic: Callable = statistics.iqm) -> str:
 
 
 def summarise(methods: dict[str, Scores], reference: float, seconds: float) -> Table:
-    """One row per method; interquartile means over seeds x damages with 95 % stratified bootstrap intervals."""
-    names = ("method", "speed m/s", "retained (common)", "retained (own)", "recovered", "robot time s")
+    """One row per method; interquartile means over seeds x damages with 95 % stratified bootstrap intervals.
+
+    What is retained with one leg lost, and with two, are plain means of the common retention.
+    """
+    names = ("method", "speed m/s", "retained (common)", "retained (own)", "one leg, two", "recovered", "robot time s")
     table = Table(*names, box=None)
     for name, scores in methods.items():
         distance, fell = scores["eval/distance"], scores["eval/fell"]
         own = best_of_map() if name.startswith("ite") else scores["healthy/distance"].mean()
         recovered = ((fell == 0.0) & (distance >= 0.5 * reference)).astype(float)
         cells = [cell(distance / unit) for unit in (seconds, reference, own)]
+        parts = np.split(distance / reference, [len(LEGS)], axis=1)  # one leg lost, and two
+        cells.append(", ".join(f"{part.mean():.2f}" for part in parts))
         table.add_row(name, *cells, cell(recovered, np.mean), f"{np.mean(scores['seconds']):.0f}")
     return table
 
