@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import jax
 import mujoco
 import numpy as np
 import pytest
@@ -106,14 +107,13 @@ def test_what_touches_is_what_mujoco_says():
     assert {belly for _, belly in seen} == {False, True} and len({count for count, _ in seen}) > 4
 
 
-def test_a_real_search_keeps_what_its_gaits_walk(walker, tmp_path):
+def test_a_real_search_keeps_what_its_gaits_walk(tmp_path):
     command = [sys.executable, "-m", "srl_jax.repertoire", "--evaluations", "20", "--batch", "16", "--devices", "2"]
     printed = subprocess.run([*command, "--out", str(tmp_path / "run")], capture_output=True, text=True, check=True)
     assert "32 gaits in" in printed.stdout and "cells filled" in printed.stdout
     found = repertoire.load(tmp_path / "run" / "map.npz")
     assert len(found.fitness) > 10
-    walked = walker("healthy", np.asarray(found.gaits)[:16])
-    # Another block size rounds otherwise, and a foot that just touches or just does not parts one gait from its copy.
-    same = np.abs(walked.fitness - found.fitness[:16]) < 2e-3
-    assert same.sum() >= 14
-    np.testing.assert_allclose(walked.descriptor[same], found.descriptors[:16][same], atol=0.011)
+    # The search's own program: some gaits diverge on the rounding of another block size.
+    walked = jax.jit(evaluate.make(evaluate.devices_mesh(2)))(damage.build("healthy"), found.gaits[:16])
+    np.testing.assert_allclose(walked.fitness, found.fitness[:16], atol=2e-3)
+    np.testing.assert_allclose(walked.descriptor, found.descriptors[:16], atol=0.011)
