@@ -16,9 +16,10 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from srl_jax import output, report
-from srl_jax.display import results
-from srl_jax.run import differences, leave
+from srl_jax.cli.progress import results
+from srl_jax.cli.run import differences, leave
+from srl_jax.job import files as output
+from srl_jax.report.data import data as report
 
 
 @dataclass(frozen=True)

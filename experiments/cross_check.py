@@ -16,13 +16,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax import checkpoint, output, plan
-from srl_jax import lanes as lane_table
 from srl_jax.agents.ddpg import student
+from srl_jax.cli.run import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, hexapod
 from srl_jax.evaluate import Rollout, converged_model, rollout_c, rollout_mjx
-from srl_jax.run import leave
+from srl_jax.job import checkpoint, plan
+from srl_jax.job import files as output
+from srl_jax.program import lanes as lane_table
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax import sources
 from srl_jax.bayes import dropout, value
-from srl_jax.config import EnvConfig
+from srl_jax.cli.run import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env.hexapod import Hexapod
-from srl_jax.lanes import Lane
-from srl_jax.run import leave
+from srl_jax.env.settings import EnvConfig
+from srl_jax.job import teachers as sources
+from srl_jax.program.lanes import Lane
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def main() -> None:
     healthy = damages.build(damage_names.HEALTHY)
     seen, length, success, fell = jax.device_get(rolled(healthy, jax.random.split(train_key, arguments.episodes)))
     cut = length > arguments.seen
-    data = value.episodes(
+    data = value.healthy_episodes(
         seen[:, : arguments.seen + 1], np.minimum(length, arguments.seen), success & ~cut, fell & ~cut
     )
     config = value.ValueConfig()

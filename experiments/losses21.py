@@ -24,13 +24,14 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax import output, statistics
+from srl_jax import statistics
+from srl_jax.cli.run import leave
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.model import LEGS
-from srl_jax.ite import repertoire
-from srl_jax.plot import FIXED, PALETTE, STYLE
-from srl_jax.run import leave
+from srl_jax.ite import archive as repertoire
+from srl_jax.job import files as output
+from srl_jax.report.curves import FIXED, PALETTE, STYLE
 
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"

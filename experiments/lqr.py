@@ -23,12 +23,12 @@ from rich.table import Table
 
 from experiments.bandit_table import ESTIMATORS
 from srl_jax.bayes import gptd
-from srl_jax.plot import PALETTE, STYLE
+from srl_jax.report.curves import PALETTE, STYLE
 
 STEPS, START, START_VARIANCE, DRIFT_VARIANCE = 20, 0.3, 1e-3, 1e-2
 POLICY = jnp.array([-0.2, 0.0])  # gain and log-scale
 VALUE = gptd.rbf(jnp.array([2.0, 0.5]), 500.0)  # of the state and of the fraction of the episode that is left
-Estimator = Callable[..., jax.Array]  # Episodes, Fisher information f32[2, 2], noise -> f32[2]
+Estimator = Callable[..., jax.Array]  # Trajectories, Fisher information f32[2, 2], noise -> f32[2]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Arguments:
     out: Path = Path("runs/lqr.png")
 
 
-class Episodes(NamedTuple):
+class Trajectories(NamedTuple):
     states: jax.Array  # f32[M, STEPS + 1]
     rewards: jax.Array  # f32[M, STEPS]
     scores: jax.Array  # f32[M, STEPS, 2]
@@ -61,7 +61,7 @@ def moments(policy: jax.Array) -> tuple[jax.Array, jax.Array]:
     return rewards.sum(), jnp.diag(jnp.stack([squares.sum() / variance, jnp.array(2.0 * STEPS)]))
 
 
-def rollout(key: jax.Array, count: int) -> Episodes:
+def rollout(key: jax.Array, count: int) -> Trajectories:
     """Draws `count` trajectories."""
     gain, scale = POLICY[0], jnp.exp(POLICY[1])
     start, noise, drift = jnp.split(jax.random.normal(key, (2 * STEPS + 1, count)), (1, STEPS + 1))
@@ -72,16 +72,16 @@ def rollout(key: jax.Array, count: int) -> Episodes:
         return x + action + DRIFT_VARIANCE**0.5 * draws[1], (x, -(x**2 + 0.1 * action**2), score)
 
     last, (states, rewards, scores) = jax.lax.scan(step, START + START_VARIANCE**0.5 * start[0], (noise, drift))
-    return Episodes(jnp.append(states, last[None], axis=0).T, rewards.T, scores.swapaxes(0, 1))
+    return Trajectories(jnp.append(states, last[None], axis=0).T, rewards.T, scores.swapaxes(0, 1))
 
 
-def whole(estimator, centred: bool, episodes: Episodes, fisher: jax.Array, noise: float) -> jax.Array:
+def whole(estimator, centred: bool, episodes: Trajectories, fisher: jax.Array, noise: float) -> jax.Array:
     """The gradient f32[2] from whole trajectories; `centred` takes the mean return off as a baseline."""
     returns = episodes.rewards.sum(1) - centred * episodes.rewards.sum(1).mean()
     return estimator(episodes.scores.sum(1), returns, fisher, noise=noise).mean
 
 
-def actor_critic(correlated: bool, episodes: Episodes, fisher: jax.Array, noise: float) -> jax.Array:
+def actor_critic(correlated: bool, episodes: Trajectories, fisher: jax.Array, noise: float) -> jax.Array:
     """The gradient f32[2] from single steps, by a Gaussian-process critic with Engel's correlated noise or without."""
     left = jnp.broadcast_to(jnp.linspace(1.0, 0.0, STEPS + 1)[None], episodes.states.shape)
     points = jnp.stack([episodes.states, left], axis=-1)

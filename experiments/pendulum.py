@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from srl_jax import replay
 from srl_jax.agents import ddpg, hyper, srl
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import controller
+from srl_jax.program import replay
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation

@@ -12,12 +12,12 @@ import jax
 import numpy as np
 import tyro
 
-from srl_jax.config import EnvConfig
+from srl_jax.cli.run import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import gait as gaits
 from srl_jax.env import hexapod
+from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import Policy, Rollout, converged_model, rollout_c, rollout_mjx
-from srl_jax.run import leave
 
 KINDS = (
     "healthy",

@@ -11,8 +11,8 @@ import imageio.v3 as imageio
 import numpy as np
 import tyro
 
-from srl_jax import video
-from srl_jax.run import leave
+from srl_jax.cli.run import leave
+from srl_jax.report.data import video
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,16 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax import checkpoint, output, plan, sources
-from srl_jax import lanes as lane_table
 from srl_jax.agents.ddpg import critic_fn, student
 from srl_jax.bayes import calibration, dropout, guidance, thompson
+from srl_jax.cli.run import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import EnvState, Hexapod
-from srl_jax.run import leave
+from srl_jax.job import checkpoint, plan
+from srl_jax.job import files as output
+from srl_jax.job import teachers as sources
+from srl_jax.program import lanes as lane_table
 
 LEVELS = (0.5, 0.8, 0.95)
 NOISE = 0.25

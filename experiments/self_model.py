@@ -21,13 +21,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from srl_jax.blocks import blocked_map
-from srl_jax.config import EnvConfig
+from srl_jax.cli.run import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
+from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import converged_model
 from srl_jax.ite import probing, selfmodel
-from srl_jax.plot import FIXED, STYLE
-from srl_jax.run import leave
+from srl_jax.report.curves import FIXED, STYLE
 from srl_jax.statistics import stratified_interval
 
 BLOCK = 128  # robots stepped together: as many as fit the cache

@@ -19,7 +19,7 @@ from mujoco import rollout
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.run import leave, use_devices
+from srl_jax.cli.run import leave, use_devices
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,10 +75,12 @@ def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, floa
     """Seconds a vector step takes with and without learning, and the seconds of compiling, for a number of lanes."""
     import jax
 
-    from srl_jax import engine as engines
-    from srl_jax import lanes, plan, sources, start
     from srl_jax.config import preset
-    from srl_jax.state import STUDENT, TRAIN
+    from srl_jax.job import plan, start
+    from srl_jax.job import teachers as sources
+    from srl_jax.program import engine as engines
+    from srl_jax.program import lanes
+    from srl_jax.program.state import STUDENT, TRAIN
 
     base = preset("default")
     train = dataclasses.replace(base.train, capacity=4_000, warmup=8, prior_steps=800)
@@ -108,13 +110,13 @@ def update_flops() -> float:
     import jax.numpy as jnp
     from jax.tree_util import Partial
 
-    from srl_jax import plan
     from srl_jax.agents import registry
     from srl_jax.agents.hyper import from_config
     from srl_jax.config import preset
     from srl_jax.env.hexapod import ACTION_SIZE, observation_size
-    from srl_jax.replay import unpack, width
-    from srl_jax.sources import scripted_gait
+    from srl_jax.job import plan
+    from srl_jax.job.teachers import scripted_gait
+    from srl_jax.program.replay import unpack, width
 
     config, counts = preset("default"), []
     size = observation_size(config.task, config.env)

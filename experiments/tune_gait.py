@@ -14,12 +14,12 @@ import mujoco
 import numpy as np
 import tyro
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env import gait as gaits
 from srl_jax.env.damage import Damage
 from srl_jax.env.gait import Gait
+from srl_jax.env.settings import EnvConfig
 
 #         frequency   stride      reach       level        lift        tuck         press        crouch
 BOUNDS = ((0.8, 2.2), (0.0, 1.0), (0.0, 1.0), (-0.8, 0.4), (0.2, 1.0), (-0.6, 0.6), (-0.3, 0.5), (-0.4, 0.4))

@@ -5,7 +5,7 @@ The public modules, imported on first use, so that the command line can set devi
     env.hexapod, env.damage, env.gait      the robot, what it loses, how it walks while healthy
     agents.ddpg, agents.srl                init, act, update: pure functions that know no robot
     bayes.dropout, .thompson, .controller  the critic as a posterior, and decisions from it
-    replay, train, evaluate                memory, the one compiled program, rollouts of a student
+    program.replay, .step, evaluate        memory, the one compiled program, rollouts of a student
 """
 
 from importlib import import_module
@@ -13,10 +13,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from srl_jax import agents, bayes, config, env, evaluate, replay, train
+    from srl_jax import agents, bayes, config, env, evaluate, program
 
 __version__ = "0.1.0"
-__all__ = ["agents", "bayes", "config", "env", "evaluate", "replay", "train"]
+__all__ = ["agents", "bayes", "config", "env", "evaluate", "program"]
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -8,64 +8,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from srl_jax.agents.settings import ACTEACH, BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
+from srl_jax.env.settings import EnvConfig
+from srl_jax.program.settings import TrainConfig
 
-TASKS = ("x", "xy", "p2p")
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
 ALGORITHMS = (*ACTOR_CRITICS, "bac", "mcpg", "bpg", "ite", "tripod", "pi_b")
-
-
-@dataclass(frozen=True)
-class EnvConfig:
-    """The task around the robot. Lengths in metres, times in control steps of 1/20 s."""
-
-    episode_steps: int = 100
-    """Control steps until an episode is truncated."""
-    reward: Literal["dense", "sparse"] = "dense"
-    """dense: progress, effort, goal and fall terms; sparse: 1 on reaching the goal, else 0."""
-    observation: Literal["full", "onboard"] = "full"
-    """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
-    goal_ring: tuple[float, float] = (1.2, 1.6)
-    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
-    goal_radius: float = 0.15
-    """p2p: distance to the goal that counts as reached."""
-    sparse_distance: float = 1.0
-    """x and xy under the sparse reward: the displacement that counts as the goal."""
-    start_noise: float = 0.05
-    """Half-width of the uniform noise on the joint angles at reset, rad."""
-    progress_weight: float = 50.0
-    """Reward per metre of progress (20 Hz: 0.4 m/s earns 1 a step)."""
-    effort_weight: float = 0.05
-    """Reward lost per unit of mean squared action."""
-    goal_bonus: float = 5.0
-    """Reward for reaching the goal of p2p."""
-    fall_penalty: float = 1.0
-    """Reward lost on tipping over, which ends the episode."""
-
-
-@dataclass(frozen=True)
-class TrainConfig:
-    """How lanes collect and learn; one clock shared by all of them. Steps are environment steps of one lane."""
-
-    environments: int = 10
-    """Environments a lane steps at once."""
-    capacity: int = 50_000
-    """Transitions a lane's replay holds."""
-    warmup: int = 1_000
-    """Environment steps before the first update."""
-    update_every: int = 2
-    """Vector steps (of `environments` environment steps) between two updates of the agents."""
-    evaluate_every: int = 5_000
-    """Environment steps between two evaluations of the student alone."""
-    checkpoint_every: int = 25_000
-    """Environment steps between two checkpoints (a multiple of evaluate_every)."""
-    prior_steps: int = 2_400
-    """Healthy transitions of pi_B collected for cloning and for the prior replay."""
-    clone_updates: int = 1_000
-    """Gradient steps of behaviour cloning where the student starts from a scripted pi_B."""
-    physics_block: int = 6
-    """Lanes whose physics is stepped together on a CPU (cache-sized); 0: all at once, as on a GPU."""
-    update_block: int = 4
-    """Lanes that learn together on a CPU (cache-sized); 0: all at once, as on a GPU."""
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ, EnvState, Hexapod
 from srl_jax.env.model import mjx
+from srl_jax.env.settings import EnvConfig
 
 Array = jax.Array | np.ndarray
 Policy = Callable[[jax.Array], jax.Array]  # f32[O] -> f32[18]

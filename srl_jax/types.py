@@ -33,7 +33,7 @@ class ActState(NamedTuple):
     seed: jax.Array | None = None  # u32[] of the episode, for agents that draw something once an episode
 
 
-class Episodes(NamedTuple):
+class EndedEpisodes(NamedTuple):
     """The episodes that robots have ended at one step, for agents that learn from whole episodes."""
 
     ended: jax.Array  # bool[] False: still under way (or not to be learned from), and the rest means nothing

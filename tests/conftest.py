@@ -27,7 +27,8 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(scope="session")
 def tiny():
     """As small as it can be with every part switched on: 2 seeds of DDPG, SRL and a search, one lost leg."""
-    from srl_jax.config import TrainConfig, preset
+    from srl_jax.config import preset
+    from srl_jax.program.settings import TrainConfig
 
     base = preset("smoke")
     small = {"hidden": (16, 16), "batch": 8, "critics": 2, "freeze": (24.0,)}
@@ -55,7 +56,7 @@ def tiny():
 @pytest.fixture(scope="session")
 def teachers():
     """One teacher more than the paper has."""
-    from srl_jax import sources
+    from srl_jax.job import teachers as sources
 
     return (sources.scripted_gait(),) * 2
 
@@ -63,8 +64,9 @@ def teachers():
 @pytest.fixture(scope="session")
 def engine(tiny, teachers):
     """The tiny configuration's program, compiled once for all tests that use it."""
-    from srl_jax import engine as engines
-    from srl_jax import lanes, plan
+    from srl_jax.job import plan
+    from srl_jax.program import engine as engines
+    from srl_jax.program import lanes
 
     layout = lanes.lay_out(plan.make(tiny).lanes, DEVICES)
     return engines.Engine(engines.make_program(tiny, layout, teachers))

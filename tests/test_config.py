@@ -9,7 +9,8 @@ import tyro
 
 from srl_jax.agents import hyper
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
-from srl_jax.config import ACTOR_CRITICS, ALGORITHMS, TASKS, Config, preset
+from srl_jax.config import ACTOR_CRITICS, ALGORITHMS, Config, preset
+from srl_jax.env.settings import TASKS
 
 
 def test_default_preset_is_the_config():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from srl_jax import evaluate
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage, hexapod
+from srl_jax.env.settings import EnvConfig
 
 STEPS = 30
 DAMAGES = ("healthy", "leg_rm")

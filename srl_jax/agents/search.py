@@ -19,7 +19,7 @@ from srl_jax.agents.ddpg import Metrics
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.settings import SearchConfig
 from srl_jax.bayes import quadrature
-from srl_jax.types import ActState, Episodes, Params, Transition
+from srl_jax.types import ActState, EndedEpisodes, Params, Transition
 
 METRICS = ("search_deviation", "gradient_norm", "gradient_deviation", "gradient_failed")
 LARGEST = 100  # parameters of a policy that a dense covariance is kept for
@@ -113,7 +113,7 @@ def act(
     return moved(teachers[0], offset, observation), act_state
 
 
-def finish(state: SearchState, episodes: Episodes, *, config: SearchConfig, hyper: Hyper) -> SearchState:
+def finish(state: SearchState, episodes: EndedEpisodes, *, config: SearchConfig, hyper: Hyper) -> SearchState:
     """Keeps the trajectories that have ended; at M of them the Gaussian takes a step, before any robot starts anew.
 
     Episodes that other robots are still in the middle of then began under the old Gaussian; they are left out later.

@@ -16,7 +16,7 @@ from srl_jax.bayes.dropout import sample_masks
 from srl_jax.types import Params
 
 
-class Episodes(NamedTuple):
+class HealthyEpisodes(NamedTuple):
     """N healthy rollouts of at most T steps; rows of an episode after its end are ignored."""
 
     observation: jax.Array  # f32[N, T + 1, O] the start, then what each step reached (before any reset)
@@ -74,8 +74,10 @@ class ValueConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive.")
 
 
-def episodes(observation: ArrayLike, length: ArrayLike, success: ArrayLike, failure: ArrayLike) -> Episodes:
-    """Checks rollouts and makes them one tuple; the shapes are those of `Episodes`.
+def healthy_episodes(
+    observation: ArrayLike, length: ArrayLike, success: ArrayLike, failure: ArrayLike
+) -> HealthyEpisodes:
+    """Checks rollouts and makes them one tuple; the shapes are those of `HealthyEpisodes`.
 
     Raises:
         ValueError: there is no episode, shapes disagree, a length lies outside 1..T, an episode both succeeds and
@@ -94,7 +96,7 @@ def episodes(observation: ArrayLike, length: ArrayLike, success: ArrayLike, fail
         raise ValueError(f"{int((won & lost).sum())} episodes both succeed and fail; say which came first.")
     if not np.all(np.isfinite(x).all(-1) | (np.arange(x.shape[1]) > steps[:, None])):
         raise ValueError("observation is not finite everywhere up to an episode's end; leave such episodes out.")
-    return Episodes(jnp.asarray(x), jnp.asarray(steps, jnp.int32), jnp.asarray(won), jnp.asarray(lost))
+    return HealthyEpisodes(jnp.asarray(x), jnp.asarray(steps, jnp.int32), jnp.asarray(won), jnp.asarray(lost))
 
 
 def combine(success: jax.Array, discount: jax.Array, gamma: jax.Array | float) -> HealthyValue:
@@ -116,7 +118,7 @@ def constant_hazard(p: jax.Array, f: jax.Array, gamma: jax.Array | float) -> Hea
     return combine(success, _ratio(reached, success), gamma)
 
 
-def product_limit(data: Episodes, *, gamma: jax.Array | float) -> tuple[HealthyValue, jax.Array]:
+def product_limit(data: HealthyEpisodes, *, gamma: jax.Array | float) -> tuple[HealthyValue, jax.Array]:
     """V_B of the episodes' start by the estimator of competing risks (Aalen & Johansen 1978).
 
     Step k's hazards are the shares that succeed and fail at k among episodes still observed there: a truncated episode
@@ -181,7 +183,7 @@ def cross_entropy(logits: jax.Array, target: jax.Array) -> jax.Array:
     return -(reached + target[1] * yes[1] + (target[0] - target[1]) * no[1])
 
 
-def fit(data: Episodes, key: jax.Array, *, config: ValueConfig) -> Fit:
+def fit(data: HealthyEpisodes, key: jax.Array, *, config: ValueConfig) -> Fit:
     """Fits one network with dropout to healthy rollouts; `vmap` over keys makes an ensemble.
 
     Each key also resamples the episodes with replacement: steps of one episode are correlated, which the dropout

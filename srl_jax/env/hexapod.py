@@ -5,12 +5,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from srl_jax.config import TASKS, EnvConfig
 from srl_jax.env import damage as damages
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model, stance
 from srl_jax.env.model import step as physics_step
+from srl_jax.env.settings import TASKS, EnvConfig
 
 CONTROL_HZ = 20.0
 SUBSTEPS = 3  # of 1/60 s

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from srl_jax.config import EnvConfig
+from srl_jax.env.settings import EnvConfig
 
 CLIP = 2.0  # bound of the progress term: an exploding contact must not pay (at 20 Hz and weight 50, 0.8 m/s)
 

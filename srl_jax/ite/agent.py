@@ -17,8 +17,9 @@ from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.settings import ITEConfig
 from srl_jax.env import gait
 from srl_jax.env.hexapod import CONTROL_HZ
-from srl_jax.ite import family, repertoire, trials
-from srl_jax.types import ActState, Episodes, Params, Transition
+from srl_jax.ite import archive as repertoire
+from srl_jax.ite import family, trials
+from srl_jax.types import ActState, EndedEpisodes, Params, Transition
 
 METRICS = ("trials", "trial_seconds", "trial_gait", "trial_best", "trial_over")
 
@@ -51,9 +52,9 @@ def prior_map(path: str = "") -> tuple[trials.GaitMap, jax.Array]:
         return trials.make_map(found.descriptors, found.fitness), found.gaits
 
 
-def settings(hyper: Hyper) -> trials.Settings:
+def process_settings(hyper: Hyper) -> trials.ProcessSettings:
     """The process's settings from a lane's hyper-parameters."""
-    return trials.Settings(hyper.rho, hyper.prior, hyper.trial_noise, hyper.kappa, hyper.sufficient)
+    return trials.ProcessSettings(hyper.rho, hyper.prior, hyper.trial_noise, hyper.kappa, hyper.sufficient)
 
 
 def init(
@@ -109,7 +110,7 @@ def act(
     return policy({"gait": walked}, observation), act_state
 
 
-def finish(state: ITEState, episodes: Episodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
+def finish(state: ITEState, episodes: EndedEpisodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
     """Records the first environment's trial where one has ended, and chooses the next gait (Cully et al., Methods)."""
     own = jax.tree.map(lambda x: x[0], episodes)
     counts = own.ended & ~state.over & (own.began >= state.since)
@@ -117,12 +118,12 @@ def finish(state: ITEState, episodes: Episodes, *, config: ITEConfig, hyper: Hyp
     return jax.lax.cond(counts, tried, lambda state, own: state, state, own)
 
 
-def after_trial(state: ITEState, episode: Episodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
+def after_trial(state: ITEState, episode: EndedEpisodes, *, config: ITEConfig, hyper: Hyper) -> ITEState:
     """The search after one more trial, an episode without leading axis."""
     prior, gaits = prior_map(config.repertoire)
     done = trials.record(state.trials, state.cell, episode.distance)
-    mean, deviation = trials.posterior(prior, done, settings(hyper))
-    cell = trials.choose(mean, deviation, settings(hyper))
+    mean, deviation = trials.posterior(prior, done, process_settings(hyper))
+    cell = trials.choose(mean, deviation, process_settings(hyper))
     best, _ = trials.best(done)
     return ITEState(
         actor={"gait": gaits[best]},
@@ -131,7 +132,7 @@ def after_trial(state: ITEState, episode: Episodes, *, config: ITEConfig, hyper:
         seconds=state.seconds + (episode.now - episode.began) / CONTROL_HZ,
         cell=cell,
         gait=gaits[cell],
-        over=trials.sufficient(mean, done, settings(hyper)) | (done.count >= config.trials),
+        over=trials.sufficient(mean, done, process_settings(hyper)) | (done.count >= config.trials),
         since=episode.now,
     )
 

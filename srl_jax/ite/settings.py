@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
-class Settings:
+class RepertoireSettings:
     """A search for a repertoire of gaits by MAP-Elites (Cully et al. 2015)."""
 
     evaluations: int = 200_000
@@ -21,7 +21,7 @@ class Settings:
     """Cycles of a gait per second; 1 as published."""
 
 
-def check(settings: Settings) -> None:
+def check(settings: RepertoireSettings) -> None:
     """Checks what needs no simulator.
 
     Raises:
@@ -37,7 +37,7 @@ def check(settings: Settings) -> None:
         )
 
 
-def read_settings(directory: Path) -> Settings:
+def read_settings(directory: Path) -> RepertoireSettings:
     """The settings of a search.
 
     Raises:
@@ -45,7 +45,7 @@ def read_settings(directory: Path) -> Settings:
     """
     path = directory / "config.json"
     try:
-        return Settings(**json.loads(path.read_text())["repertoire"])
+        return RepertoireSettings(**json.loads(path.read_text())["repertoire"])
     except FileNotFoundError:
         raise ValueError(f"{directory} is not the directory of a repertoire: it has no config.json.") from None
     except (KeyError, TypeError, json.JSONDecodeError) as error:

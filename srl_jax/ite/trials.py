@@ -26,7 +26,7 @@ class GaitMap(NamedTuple):
     fitness: jax.Array  # f32[N] m/s or m; trials are measured in the same unit
 
 
-class Settings(NamedTuple):
+class ProcessSettings(NamedTuple):
     """Of process, bonus and stop, as published; variances are in the squared unit of the fitness, whatever that is."""
 
     length: jax.Array | float = 0.4  # rho, in descriptor space
@@ -36,7 +36,7 @@ class Settings(NamedTuple):
     sufficient: jax.Array | float = 0.9  # share of the best expected fitness at which the search ends
 
 
-PUBLISHED = Settings()
+PUBLISHED = ProcessSettings()
 
 
 class TrialState(NamedTuple):
@@ -92,14 +92,14 @@ def init(trials: int) -> TrialState:
     return TrialState(jnp.zeros(trials, jnp.int32), jnp.zeros(trials), zero, zero)
 
 
-def kernel(a: jax.Array, b: jax.Array, settings: Settings = PUBLISHED) -> jax.Array:
+def kernel(a: jax.Array, b: jax.Array, settings: ProcessSettings = PUBLISHED) -> jax.Array:
     """Matern-5/2 covariance f32[A, B] of descriptors f32[A, C] and f32[B, C]."""
     squared = jnp.sum((a[:, None] - b[None]) ** 2, axis=-1)
     d = jnp.sqrt(5.0 * squared) / settings.length
     return settings.variance * (1.0 + d + d**2 / 3.0) * jnp.exp(-d)
 
 
-def posterior(prior: GaitMap, state: TrialState, settings: Settings = PUBLISHED) -> tuple[jax.Array, jax.Array]:
+def posterior(prior: GaitMap, state: TrialState, settings: ProcessSettings = PUBLISHED) -> tuple[jax.Array, jax.Array]:
     """Mean and standard deviation f32[N] of every gait's fitness on the damaged robot.
 
     ``mu(x) = P(x) + k' (K + noise I)^-1 (y - P(X))`` and ``sigma^2(x) = variance - k' (K + noise I)^-1 k`` (Cully et
@@ -125,7 +125,7 @@ def posterior(prior: GaitMap, state: TrialState, settings: Settings = PUBLISHED)
 
 
 def suggest(
-    prior: GaitMap, state: TrialState, settings: Settings = PUBLISHED, *, bonus: str = "deviation"
+    prior: GaitMap, state: TrialState, settings: ProcessSettings = PUBLISHED, *, bonus: str = "deviation"
 ) -> jax.Array:
     """The cell i32[] to try next, ``argmax mu + kappa sigma``; with no trial yet, the map's best.
 
@@ -164,7 +164,7 @@ def best(state: TrialState) -> tuple[jax.Array, jax.Array]:
     return jnp.where(state.count > 0, state.index[place], -1), observed[place]
 
 
-def stopped(prior: GaitMap, state: TrialState, settings: Settings = PUBLISHED) -> jax.Array:
+def stopped(prior: GaitMap, state: TrialState, settings: ProcessSettings = PUBLISHED) -> jax.Array:
     """Whether the best trial has 0.9 (`sufficient`) of the highest posterior mean: bool[], False before the first.
 
     Raises:
@@ -179,7 +179,7 @@ def adapt(
     key: jax.Array,
     *,
     trials: int = 20,
-    settings: Settings = PUBLISHED,
+    settings: ProcessSettings = PUBLISHED,
     bonus: str = "deviation",
     seconds: float = SECONDS,
 ) -> Adaptation:
@@ -227,7 +227,9 @@ def adapt(
     )
 
 
-def choose(mean: jax.Array, deviation: jax.Array, settings: Settings = PUBLISHED, bonus: str = BONUSES[0]) -> jax.Array:
+def choose(
+    mean: jax.Array, deviation: jax.Array, settings: ProcessSettings = PUBLISHED, bonus: str = BONUSES[0]
+) -> jax.Array:
     """`suggest` from a posterior that is at hand: mean and standard deviation f32[N]."""
     if bonus not in BONUSES:
         raise ValueError(f"bonus is {bonus!r}: choose one of {', '.join(BONUSES)}.")
@@ -235,7 +237,7 @@ def choose(mean: jax.Array, deviation: jax.Array, settings: Settings = PUBLISHED
     return jnp.argmax(mean + settings.kappa * unknown).astype(jnp.int32)
 
 
-def sufficient(mean: jax.Array, state: TrialState, settings: Settings = PUBLISHED) -> jax.Array:
+def sufficient(mean: jax.Array, state: TrialState, settings: ProcessSettings = PUBLISHED) -> jax.Array:
     """`stopped` from a posterior mean f32[N] that is at hand."""
     return best(state)[1] >= settings.sufficient * jnp.max(mean)
 

@@ -11,7 +11,7 @@ from srl_jax.config import ALGORITHMS, Config
 
 MAIN_JOB = """
 import sys
-from srl_jax import loop
+from srl_jax.job import loop
 from srl_jax.agents import registry
 from srl_jax.config import Config
 for algo in ("ddpg", "srl", "ddpg_warm", "acteach"):

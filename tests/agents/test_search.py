@@ -9,7 +9,7 @@ from jax.tree_util import Partial
 from srl_jax.agents import search
 from srl_jax.agents.hyper import from_config
 from srl_jax.agents.settings import SearchConfig
-from srl_jax.types import ActState, Episodes, GuidanceState
+from srl_jax.types import ActState, EndedEpisodes, GuidanceState
 
 SIZE, M = 3, 12
 TARGET = jnp.array([0.3, -0.2, 0.1])
@@ -29,11 +29,13 @@ def begin(config: SearchConfig = CONFIG) -> search.SearchState:
     return search.init(KEY, 3, 3, config=config, teachers=(TEACHER,))
 
 
-def episodes(returns, began=0, now=10, ended=True, first=0) -> Episodes:
+def episodes(returns, began=0, now=10, ended=True, first=0) -> EndedEpisodes:
     count = len(returns)
     fill = lambda value: jnp.full(count, value)  # noqa: E731
     seeds = jnp.arange(first, first + count, dtype=jnp.uint32)
-    return Episodes(fill(ended), seeds, jnp.asarray(returns, jnp.float32), jnp.zeros(count), fill(began), fill(now))
+    return EndedEpisodes(
+        fill(ended), seeds, jnp.asarray(returns, jnp.float32), jnp.zeros(count), fill(began), fill(now)
+    )
 
 
 def finish(state, seen, config=CONFIG, **values):
@@ -92,7 +94,7 @@ def test_every_estimator_climbs_to_the_best_parameters(estimator):
         z = jax.vmap(lambda seed: search.draw(seed, SIZE))(seeds)
         theta = state.actor["offset"][None] + search.deviation(state, hyper)[None] * z
         returns = 5.0 - jnp.sum(jnp.square(theta - TARGET[None]), axis=1)
-        seen = Episodes(jnp.ones(40, bool), seeds, returns, returns, jnp.full(40, number), jnp.full(40, number))
+        seen = EndedEpisodes(jnp.ones(40, bool), seeds, returns, returns, jnp.full(40, number), jnp.full(40, number))
         return search.finish(state, seen, config=config, hyper=hyper)
 
     state = begin(config)

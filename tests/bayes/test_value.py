@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from srl_jax.bayes import dropout, value
-from srl_jax.bayes.value import Episodes, ValueConfig
+from srl_jax.bayes.value import HealthyEpisodes, ValueConfig
 
 GAMMA = 0.97
 CONFIG = ValueConfig(gamma=GAMMA, hidden=(16,), dropout=0.05, updates=1200, batch=256, learning_rate=1e-2)
@@ -21,9 +21,9 @@ short = jax.jit(jax.vmap(partial(value.fit, config=replace(CONFIG, updates=10)),
 CHAIN = np.array([[0.01, 0.04, 0.80, 0.15], [0.05, 0.01, 0.04, 0.90]])
 
 
-def outcomes(length, success, failure) -> Episodes:
-    """Episodes of which only the ends matter."""
-    return value.episodes(np.zeros((len(length), max(length) + 1, 1)), length, success, failure)
+def outcomes(length, success, failure) -> HealthyEpisodes:
+    """HealthyEpisodes of which only the ends matter."""
+    return value.healthy_episodes(np.zeros((len(length), max(length) + 1, 1)), length, success, failure)
 
 
 def chain_value(gamma: float) -> tuple[np.ndarray, np.ndarray]:
@@ -33,7 +33,7 @@ def chain_value(gamma: float) -> tuple[np.ndarray, np.ndarray]:
     return success, np.linalg.solve(np.eye(2) - gamma * go, p) / success
 
 
-def simulate(episodes: int, steps: int, seed: int = 0) -> Episodes:
+def simulate(episodes: int, steps: int, seed: int = 0) -> HealthyEpisodes:
     """The chain from either state, truncated after `steps`; states are one-hot rows, NaN past the end."""
     rng = np.random.default_rng(seed)
     state = rng.integers(2, size=episodes)
@@ -47,7 +47,7 @@ def simulate(episodes: int, steps: int, seed: int = 0) -> Episodes:
         end[alive & (drawn < 2)] = drawn[alive & (drawn < 2)]
         state = np.where(drawn < 2, state, drawn - 2)
         path[alive, t] = np.eye(2)[state[alive]]
-    return value.episodes(path, length, end == 0, end == 1)
+    return value.healthy_episodes(path, length, end == 0, end == 1)
 
 
 def exactly(params) -> value.HealthyValue:
@@ -208,15 +208,15 @@ GOOD = {"observation": np.zeros((2, 4, 1)), "length": [3, 1], "success": [True, 
     ],
 )
 def test_bad_episodes_are_refused(changed, message):
-    value.episodes(**GOOD)
+    value.healthy_episodes(**GOOD)
     with pytest.raises(ValueError, match=message):
-        value.episodes(**GOOD | changed)
+        value.healthy_episodes(**GOOD | changed)
 
 
 def test_rows_after_the_end_may_be_anything():
     observation = np.zeros((2, 4, 1))
     observation[1, 2:] = np.nan
-    assert value.episodes(**GOOD | {"observation": observation}).length.tolist() == [3, 1]
+    assert value.healthy_episodes(**GOOD | {"observation": observation}).length.tolist() == [3, 1]
 
 
 @pytest.mark.parametrize("bad", [{"gamma": 1.0}, {"dropout": 1.0}, {"dropout": -0.1}, {"updates": 0}, {"batch": 0}])

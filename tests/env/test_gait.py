@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage, gait, hexapod
 from srl_jax.env.model import LEGS
+from srl_jax.env.settings import EnvConfig
 
 RF_RR_LM = [LEGS.index(leg) for leg in ("rf", "rr", "lm")]
 RM_LF_LR = [LEGS.index(leg) for leg in ("rm", "lf", "lr")]

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage, hexapod
 from srl_jax.env.model import JOINTS
+from srl_jax.env.settings import EnvConfig
 
 STEPS = 20  # 1 s
 KINDS = (

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import task as tasks
+from srl_jax.env.settings import EnvConfig
 
 PLACES = [(0.0, 0.0), (0.3, -0.4), (-1.2, 0.5), (0.0, 2.0)]
 GOAL = np.array([0.6, 0.3], np.float32)

@@ -12,7 +12,8 @@ def walker():
     import numpy as np
 
     from srl_jax.env import damage
-    from srl_jax.ite import evaluate, family
+    from srl_jax.ite import family
+    from srl_jax.ite import walk as evaluate
 
     program = jax.jit(evaluate.make(evaluate.devices_mesh(DEVICES), block=4))
 

@@ -8,8 +8,9 @@ import pytest
 from srl_jax.agents.hyper import from_config
 from srl_jax.agents.settings import ITEConfig
 from srl_jax.env import gait
-from srl_jax.ite import agent, elites, family, repertoire
-from srl_jax.types import ActState, Episodes, GuidanceState
+from srl_jax.ite import agent, elites, family
+from srl_jax.ite import archive as repertoire
+from srl_jax.types import ActState, EndedEpisodes, GuidanceState
 
 FITNESS = (1.0, 2.0, 1.5, 0.5)  # m, of four gaits whose feet are far from each other's
 
@@ -32,11 +33,11 @@ def begin(config: ITEConfig) -> agent.ITEState:
     return agent.init(jax.random.key(0), 5, 18, config=config)
 
 
-def ended(distance, began=0, now=100, others=9.0) -> Episodes:
+def ended(distance, began=0, now=100, others=9.0) -> EndedEpisodes:
     """Two robots' episodes; only the first is the lane's own."""
     fill = lambda value: jnp.full(2, value)  # noqa: E731
     distances = jnp.array([distance, others])
-    return Episodes(fill(True), jnp.zeros(2, jnp.uint32), distances, distances, fill(began), fill(now))
+    return EndedEpisodes(fill(True), jnp.zeros(2, jnp.uint32), distances, distances, fill(began), fill(now))
 
 
 def test_a_search_begins_with_the_maps_best_gait(config):

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.config import EnvConfig
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env.model import JOINTS
+from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import probing
 
 KEY = jax.random.key(0)

@@ -9,7 +9,7 @@ import pytest
 import tinygp
 
 from srl_jax.ite import trials
-from srl_jax.ite.trials import GaitMap, Settings
+from srl_jax.ite.trials import GaitMap, ProcessSettings
 
 KEY = jax.random.key(0)
 RNG = np.random.default_rng(0)
@@ -47,7 +47,7 @@ def search(prior: GaitMap, damage: jax.Array, key: jax.Array) -> trials.Adaptati
     return trials.adapt(prior, partial(robot, damage), key, trials=CAPACITY, seconds=2.0)
 
 
-def numpy_posterior(prior: GaitMap, pairs, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+def numpy_posterior(prior: GaitMap, pairs, settings: ProcessSettings) -> tuple[np.ndarray, np.ndarray]:
     """The textbook's, in f64, with a system of as many rows as there are trials."""
     x, fitness = np.asarray(prior.descriptors, float), np.asarray(prior.fitness, float)
     index = [i for i, _ in pairs]
@@ -67,7 +67,7 @@ SOME = [(3, 0.31), (17, -0.02), (200, 0.15), (42, 0.4), (17, 0.01)]  # one gait 
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-@pytest.mark.parametrize("settings", [Settings(), Settings(length=0.9, variance=0.05, noise=0.02)])
+@pytest.mark.parametrize("settings", [ProcessSettings(), ProcessSettings(length=0.9, variance=0.05, noise=0.02)])
 def test_posterior_equals_numpy_in_double_precision(count, settings):
     mean, deviation = posterior(PRIOR, tried(SOME[:count]), settings)
     expected_mean, expected_deviation = numpy_posterior(PRIOR, SOME[:count], settings)
@@ -76,7 +76,7 @@ def test_posterior_equals_numpy_in_double_precision(count, settings):
 
 
 def test_posterior_equals_tinygp():
-    settings = Settings(length=0.6, variance=0.3, noise=5e-3)
+    settings = ProcessSettings(length=0.6, variance=0.3, noise=5e-3)
     index = jnp.array([i for i, _ in SOME])
 
     @jax.jit
@@ -93,17 +93,17 @@ def test_posterior_equals_tinygp():
 
 
 def test_without_trials_the_map_is_believed_and_its_best_comes_first():
-    mean, deviation = posterior(PRIOR, trials.init(CAPACITY), Settings(variance=0.25))
+    mean, deviation = posterior(PRIOR, trials.init(CAPACITY), ProcessSettings(variance=0.25))
     np.testing.assert_array_equal(mean, PRIOR.fitness)
     np.testing.assert_array_equal(deviation, 0.5)
-    assert suggest(PRIOR, trials.init(CAPACITY), Settings()) == np.argmax(PRIOR.fitness)
+    assert suggest(PRIOR, trials.init(CAPACITY), ProcessSettings()) == np.argmax(PRIOR.fitness)
     index, value = trials.best(trials.init(CAPACITY))
     assert (index, value) == (-1, -np.inf)
-    assert not stopped(PRIOR, trials.init(CAPACITY), Settings())
+    assert not stopped(PRIOR, trials.init(CAPACITY), ProcessSettings())
 
 
 def test_a_trial_moves_its_gait_to_the_observation_and_neighbours_follow():
-    mean, deviation = (x[:60] for x in posterior(along_axis(np.full(60, 0.3)), tried([(0, 0.0)]), Settings()))
+    mean, deviation = (x[:60] for x in posterior(along_axis(np.full(60, 0.3)), tried([(0, 0.0)]), ProcessSettings()))
     assert mean[0] == pytest.approx(0.3 * 1e-3 / 1.001, abs=1e-5), "all but the noise's share"
     assert deviation[0] == pytest.approx(np.sqrt(1e-3 / 1.001), rel=1e-2)
     assert np.all(np.diff(mean) > 0) and np.all(np.diff(deviation) > 0), "the nearer, the more"
@@ -111,7 +111,7 @@ def test_a_trial_moves_its_gait_to_the_observation_and_neighbours_follow():
 
 
 def test_repeated_trials_without_noise_are_no_fault():
-    mean, deviation = posterior(PRIOR, tried([(5, 0.1)] * CAPACITY), Settings(noise=0.0))
+    mean, deviation = posterior(PRIOR, tried([(5, 0.1)] * CAPACITY), ProcessSettings(noise=0.0))
     assert np.isfinite(mean).all() and np.isfinite(deviation).all()
     assert mean[5] == pytest.approx(0.1, abs=1e-3)
 
@@ -120,7 +120,7 @@ def test_count_may_be_traced_and_what_lies_beyond_it_means_nothing():
     full = tried([*SOME, (9, 9.0), (10, -9.0)])
     program = jax.jit(lambda count: trials.posterior(PRIOR, full._replace(count=count)))
     for count in range(6):
-        clean = posterior(PRIOR, tried(SOME[:count]), Settings())
+        clean = posterior(PRIOR, tried(SOME[:count]), ProcessSettings())
         for a, b in zip(program(count), clean, strict=True):
             np.testing.assert_allclose(a, b, atol=1e-5)
     assert program._cache_size() == 1
@@ -130,10 +130,10 @@ def test_bonus_is_the_deviation_unless_the_variance_is_asked_for():
     # Of gait 1 little is unknown, so squaring its sigma takes more from it than from gait 2, which promises less.
     prior, state = along_axis([1.0, 1.0, 0.1], step=0.2), tried([(0, 1.0)])
     prior = prior._replace(descriptors=prior.descriptors.at[2].set(5.0))
-    sigma = np.asarray(posterior(prior, state, Settings())[1])[:3]
+    sigma = np.asarray(posterior(prior, state, ProcessSettings())[1])[:3]
     kappa = 0.9 / np.mean([1.0 - sigma[1], 1.0 - sigma[1] ** 2])  # between the two at which they would tie
-    assert suggest(prior, state, Settings(kappa=kappa)) == 1
-    assert suggest(prior, state, Settings(kappa=kappa), bonus="variance") == 2
+    assert suggest(prior, state, ProcessSettings(kappa=kappa)) == 1
+    assert suggest(prior, state, ProcessSettings(kappa=kappa), bonus="variance") == 2
 
 
 def test_record_best_and_a_full_state():
@@ -153,7 +153,7 @@ def test_a_non_finite_trial_counts_as_zero_and_is_reported():
 
 def test_stops_at_nine_tenths_of_the_best_expectation():
     prior = along_axis([0.40, 0.36], step=9.0)  # too far apart to tell of each other
-    far = Settings(noise=1e-8)
+    far = ProcessSettings(noise=1e-8)
     assert not stopped(prior, tried([(0, 0.323)]), far), "the other gait promises 0.36: 0.324 would do"
     assert stopped(prior, tried([(0, 0.325)]), far)
     assert not stopped(prior, tried([(0, 0.325)]), far._replace(sufficient=0.95))
@@ -181,9 +181,9 @@ def test_search_equals_its_steps_taken_one_by_one():
     found = search(PRIOR, damage, KEY)
     state, over = trials.init(CAPACITY), []
     while state.count < CAPACITY and not (over and over[-1]):
-        index = suggest(PRIOR, state, Settings())
+        index = suggest(PRIOR, state, ProcessSettings())
         state = trials.record(state, index, robot(damage, index, jax.random.fold_in(KEY, state.count)))
-        over.append(bool(stopped(PRIOR, state, Settings())))
+        over.append(bool(stopped(PRIOR, state, ProcessSettings())))
     made = int(state.count)
     assert 2 <= made < CAPACITY and over[-1], "the case has a search in it, and an end"
     np.testing.assert_array_equal(found.index[:made], state.index[:made])

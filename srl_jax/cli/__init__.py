@@ -1,0 +1,1 @@
+"""What a terminal needs: arguments, devices, signals, progress, and how a command ends."""

@@ -1,0 +1,92 @@
+"""The progress of a run on a terminal, or as plain lines in a file, and the table at its end."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from srl_jax.job.loop import Progress as Status
+from srl_jax.report.curves import format_table
+
+
+class Display:
+    """Shows `loop.Progress`: elapsed and remaining time, rates, and the latest success or return per algorithm."""
+
+    def __init__(self, directory: Path, console: Console | None = None):
+        self.directory = directory
+        usual = Console() if sys.stdout.isatty() else Console(width=140)  # a file has no width
+        self.console = console or usual
+        self._shown = ("", "")
+        self.bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.completed:,.0f}/{task.total:,.0f} steps"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[rates]}"),
+            console=self.console,
+            disable=not self.console.is_terminal,
+        )
+        self.task = self.bar.add_task("starting", total=1, rates="")
+        self._begun = False
+
+    def __enter__(self) -> "Display":
+        return self
+
+    def begin(self) -> None:
+        """Says once where results go; not before there is a status to show, since the input may yet be refused."""
+        if not self._begun:
+            self._begun = True
+            self.console.print(f"Results go to {self.directory}")
+            self.bar.start()
+
+    def __exit__(self, *exception: object) -> None:
+        self.bar.stop()
+
+    def update(self, status: Status) -> None:
+        """Shows the newest status; on a file, one line whenever something was evaluated."""
+        self.begin()
+        rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
+        self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
+        shown = (status.phase, latest(status))
+        if not self.console.is_terminal and shown != self._shown:
+            line = f"{status.phase} {status.step}/{status.steps} {status.elapsed:.0f} s {rates}"
+            self.console.print(line, soft_wrap=True, highlight=False)
+            self.console.file.flush()
+            self._shown = shown
+
+    def closing(self, summary: dict[str, Any]) -> None:
+        """The table of results, and where the files lie."""
+        self.console.print(results(summary))
+        machine = summary["machine"]
+        self.console.print(
+            f"{machine['lanes']} lanes, {machine['training_seconds']:.0f} s of training, "
+            f"{machine['environment_steps_per_second']:,} env steps/s, {machine['updates_per_second']:,} updates/s, "
+            f"compiled in {machine['compile_seconds']:.0f} s, peak {machine['peak_memory_gib']} GiB"
+        )
+        for lane in summary.get("nonfinite_lanes", []):
+            name = f"{lane['algo']} {lane['variant']} seed {lane['seed']} {lane['damage']}"
+            self.console.print(f"Lane {lane['lane']} ({name}) met a number that is not finite and was frozen.")
+        self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
+
+
+def results(summary: Mapping[str, Any]) -> Table:
+    """The table of methods of a summary."""
+    header, *rows = format_table(summary)
+    table = Table(*header, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def latest(status: Status) -> str:
+    """The newest evaluation, such as ``srl .83 (return 41)``."""
+    return "  ".join(
+        f"{algo} {values.get('success', float('nan')):.2f} (return {values.get('return', float('nan')):.1f})"
+        for algo, values in status.latest.items()
+    )

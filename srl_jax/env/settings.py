@@ -1,0 +1,34 @@
+"""The settings of the task around the robot. Imports no jax, so that ``--help`` answers at once."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+TASKS = ("x", "xy", "p2p")
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """The task around the robot. Lengths in metres, times in control steps of 1/20 s."""
+
+    episode_steps: int = 100
+    """Control steps until an episode is truncated."""
+    reward: Literal["dense", "sparse"] = "dense"
+    """dense: progress, effort, goal and fall terms; sparse: 1 on reaching the goal, else 0."""
+    observation: Literal["full", "onboard"] = "full"
+    """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
+    goal_ring: tuple[float, float] = (1.2, 1.6)
+    """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
+    goal_radius: float = 0.15
+    """p2p: distance to the goal that counts as reached."""
+    sparse_distance: float = 1.0
+    """x and xy under the sparse reward: the displacement that counts as the goal."""
+    start_noise: float = 0.05
+    """Half-width of the uniform noise on the joint angles at reset, rad."""
+    progress_weight: float = 50.0
+    """Reward per metre of progress (20 Hz: 0.4 m/s earns 1 a step)."""
+    effort_weight: float = 0.05
+    """Reward lost per unit of mean squared action."""
+    goal_bonus: float = 5.0
+    """Reward for reaching the goal of p2p."""
+    fall_penalty: float = 1.0
+    """Reward lost on tipping over, which ends the episode."""

@@ -1,0 +1,72 @@
+"""The files of a search for a repertoire: its settings, its checkpoint, its metrics."""
+
+import csv
+import dataclasses
+import platform
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from srl_jax.ite import archive as repertoire
+from srl_jax.ite import elites
+from srl_jax.ite.elites import Archive
+from srl_jax.ite.settings import RepertoireSettings
+from srl_jax.job.files import write_json
+
+PACKAGES = ("srl-jax", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
+METRICS = ("evaluations", "filled", "best_fitness", "mean_fitness", "qd_score", "killed")
+
+
+@dataclasses.dataclass
+class Search:
+    """All that a checkpoint holds."""
+
+    archive: Archive
+    history: np.ndarray  # f64[generations, METRICS]
+    seconds: float  # spent searching, earlier processes included
+
+
+def write_config(directory: Path, settings: RepertoireSettings, devices: int) -> None:
+    """config.json: the settings, with versions and the machine."""
+    versions = {name: metadata.version(name) for name in PACKAGES}
+    machine = {"python": platform.python_version(), "machine": platform.machine(), "devices": devices}
+    write_json(directory / "config.json", {"repertoire": dataclasses.asdict(settings), "versions": versions} | machine)
+
+
+def write_metrics(path: Path, history: np.ndarray) -> None:
+    """metrics.csv: one row a generation; all of it or nothing."""
+    partial = path.with_suffix(".partial")
+    with partial.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(METRICS)
+        writer.writerows([f"{value:.7g}" for value in row] for row in history)
+    partial.replace(path)
+
+
+def write_checkpoint(path: Path, search: Search) -> None:
+    """The whole search in one file."""
+    arrays = {name: np.asarray(value) for name, value in search.archive._asdict().items()}
+    repertoire.save_arrays(path, **arrays, history=search.history, seconds=np.array(search.seconds))
+
+
+def read_checkpoint(path: Path) -> Search | None:
+    """What `write_checkpoint` wrote; None where there is no file yet.
+
+    Raises:
+        ValueError: the file cannot be read.
+    """
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file) as arrays:
+            archive = Archive(*(arrays[name] for name in Archive._fields))
+            search = Search(archive, arrays["history"], float(arrays["seconds"]))
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(
+            f"{path} cannot be read ({type(error).__name__}); remove it to start again, or restore it from a copy."
+        ) from error
+    if [x.shape for x in archive] != [x.shape for x in elites.empty()] or search.history.shape[1:] != (len(METRICS),):
+        raise ValueError(f"{path} is of another version; remove it to start again.")
+    return search

@@ -1,0 +1,42 @@
+"""Teachers by name: what is refused before anything is written, and a lane's own parameters."""
+
+import dataclasses
+
+import pytest
+
+from srl_jax.config import preset
+from srl_jax.job import teachers as sources
+from srl_jax.program.lanes import Lane
+
+
+def config(**fields):
+    return dataclasses.replace(preset("smoke"), **fields)
+
+
+def test_the_first_teacher_named_is_pi_b():
+    assert sources.names(config(behaviour="gait, train")) == ["gait", "train"]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"behaviour": "gait,gait"}, "name each teacher once"),
+        ({"behaviour": "nothing-here"}, "give gait, train, repertoire, or the directory"),
+        ({"behaviour": "repertoire", "damage_schedule": "healthy@0,leg_rm@800"}, "does not go with damage_schedule"),
+    ],
+)
+def test_unusable_teachers_are_refused(fields, said):
+    with pytest.raises(ValueError, match=said):
+        sources.check(config(**fields))
+
+
+def test_a_missing_repertoire_is_refused(tmp_path):
+    base = config(algos="ite", task="x")
+    with pytest.raises(ValueError, match="does not exist"):
+        sources.check(dataclasses.replace(base, ite=dataclasses.replace(base.ite, repertoire=str(tmp_path / "map"))))
+
+
+def test_the_gait_has_no_parameter_that_a_search_could_not_feel():
+    gait = sources.scripted_gait()
+    lane = Lane(0, "bpg", 0, "p2p", "leg_rm")
+    assert gait.params(lane).frequency is None and gait.clock_hz > 1.0
