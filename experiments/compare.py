@@ -19,7 +19,7 @@ from rich.console import Console
 from srl_jax.cli.progress import results
 from srl_jax.cli.run import differences, leave
 from srl_jax.job import files as output
-from srl_jax.report.data import data as report
+from srl_jax.report import data as report
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from pathlib import Path
 import tyro
 
 from srl_jax.cli.run import leave
+from srl_jax.report import data as report
 from srl_jax.report.curves import save_panels
-from srl_jax.report.data import data as report
 
 TASKS = ("x", "xy", "p2p")
 

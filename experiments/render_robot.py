@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 from srl_jax.cli.run import leave
-from srl_jax.report.data import video
+from srl_jax.report import video
 
 
 @dataclass(frozen=True)

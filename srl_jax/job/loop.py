@@ -18,8 +18,8 @@ from srl_jax.job import teachers as sources
 from srl_jax.program import engine
 from srl_jax.program import lanes as lane_table
 from srl_jax.program.state import STUDENT, TEACHER, TRAIN, LaneData, Mode, Tally, TrainState
-from srl_jax.report.data import data as report
-from srl_jax.report.data import showcase
+from srl_jax.report import data as report
+from srl_jax.report import showcase
 
 SLICE = 1_000  # environment steps between two looks at the clock, at signals and at the progress display
 

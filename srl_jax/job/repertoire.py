@@ -23,7 +23,7 @@ from srl_jax.ite.settings import RepertoireSettings, check
 from srl_jax.job import repertoire_files as files
 from srl_jax.job.files import in_use, write_json
 from srl_jax.job.repertoire_files import METRICS, Search
-from srl_jax.report.data import map as figure
+from srl_jax.report import map as figure
 
 
 class Status(NamedTuple):

@@ -10,7 +10,7 @@ from srl_jax.evaluate import rollout_c
 from srl_jax.program import lanes as lane_table
 from srl_jax.program.lanes import Lane
 from srl_jax.program.state import LaneData, Program, TrainState, student
-from srl_jax.report.data import video
+from srl_jax.report import video
 
 SIZE = (480, 270)
 

@@ -21,7 +21,7 @@ from srl_jax.env import damage as damages
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.model import stance
 from srl_jax.evaluate import Rollout
-from srl_jax.report.data import raycast
+from srl_jax.report import raycast
 
 Painter = Literal["auto", "gl", "plain"]
 

@@ -17,7 +17,7 @@ from srl_jax.cli import run
 from srl_jax.config import preset
 from srl_jax.env import hexapod
 from srl_jax.job import loop
-from srl_jax.report.data import data as report
+from srl_jax.report import data as report
 
 FILES = {"config.json", "lanes.csv", "metrics.csv", "summary.json", "curves.png", "checkpoints", "videos"}
 COMMAND = [sys.executable, "-m", "srl_jax.run", "--preset", "smoke", "--devices", "2", "--out"]

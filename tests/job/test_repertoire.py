@@ -23,7 +23,7 @@ from srl_jax.ite.settings import RepertoireSettings
 from srl_jax.job import files as output
 from srl_jax.job import repertoire as search
 from srl_jax.job import repertoire_files as files
-from srl_jax.report.data import map as figure
+from srl_jax.report import map as figure
 
 TOY = Path(__file__).with_name("toy_repertoire.py")
 GENERATIONS = 100

@@ -7,7 +7,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from srl_jax.report.data import data as report
+from srl_jax.report import data as report
 
 DAMAGES, SEEDS, STEPS = ("leg 0", "leg 1", "leg 2"), (3, 4, 5, 6), (0, 100, 200, 300)
 METHODS = {("ddpg", ""): 0.2, ("srl", ""): 0.6, ("srl", "dropout=0.03"): 0.6}

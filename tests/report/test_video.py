@@ -10,7 +10,7 @@ import pytest
 
 from srl_jax.env.model import stance
 from srl_jax.evaluate import Rollout
-from srl_jax.report.data import raycast, video
+from srl_jax.report import raycast, video
 
 SIZE = (160, 90)
 
@@ -148,7 +148,7 @@ def test_a_video_can_be_read_again(tmp_path):
 def test_writing_after_jax_has_run_warns_of_nothing(tmp_path):
     program = (
         "import jax, numpy; jax.numpy.ones(3).sum().block_until_ready()\n"
-        "from srl_jax.video import save_video\n"
+        "from srl_jax.report.video import save_video\n"
         f"save_video({str(tmp_path / 'walk.mp4')!r}, numpy.zeros((3, 16, 16, 3), numpy.uint8))"
     )
     done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
