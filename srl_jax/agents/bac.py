@@ -7,6 +7,7 @@ gradient is that of the states that were visited, as in other off-policy actor-c
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -14,16 +15,15 @@ import jax.numpy as jnp
 import optax
 
 from srl_jax.agents import ddpg
-from srl_jax.agents.ddpg import Metrics, Teacher, student
+from srl_jax.agents.ddpg import student
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.networks import Actor
 from srl_jax.agents.settings import BACConfig
 from srl_jax.bayes import gptd, gram
 from srl_jax.types import Params, Transition
 
 METRICS = ("explained", "gradient_norm", "gradient_failed")
-
-__all__ = ["METRICS", "act", "init", "student", "update"]
 
 
 class BACState(NamedTuple):
@@ -93,3 +93,22 @@ def update(
     norm = optax.tree.norm(gradient)
     metrics = {"explained": norm / prior, "gradient_norm": norm, "gradient_failed": 1.0 - posterior.ok}
     return state, metrics
+
+
+def adopt(state: BACState, actor: Params) -> BACState:
+    """The agent with another actor."""
+    return state._replace(actor=actor)
+
+
+def agent(config: BACConfig) -> Agent:
+    """Bayesian actor-critic as the program knows it."""
+    return Agent(
+        init=partial(init, config=config),
+        act=partial(act, config=config),
+        student=partial(student, config=config),
+        update=partial(update, config=config),
+        batch_size=config.batch,
+        metrics=METRICS,
+        adopt=adopt if config.init == "behaviour" else None,
+        network=config,
+    )

@@ -6,16 +6,17 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from srl_jax.agents.ddpg import Teacher, student
+from srl_jax.agents.ddpg import student
+from srl_jax.agents.interface import Teacher
 from srl_jax.agents.networks import Actor
-from srl_jax.agents.settings import DDPGConfig
+from srl_jax.agents.settings import ActorConfig
 from srl_jax.types import Params
 
 BATCH = 128
 RATE = 3e-3
 
 
-def policy(params: Params, observation: jax.Array, *, config: DDPGConfig) -> jax.Array:
+def policy(params: Params, observation: jax.Array, *, config: ActorConfig) -> jax.Array:
     """A frozen student as a teacher: parameters and f32[O] -> f32[A]."""
     return student(params, observation, config=config)
 
@@ -25,7 +26,7 @@ def clone(
     observations: jax.Array,
     key: jax.Array,
     *,
-    config: DDPGConfig,
+    config: ActorConfig,
     updates: int,
     action_size: int,
 ) -> tuple[Params, jax.Array]:

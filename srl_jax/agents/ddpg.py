@@ -4,6 +4,7 @@ The pieces of its update (`critic_step`, `actor_step`, `track`) are what the oth
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import chex
@@ -12,13 +13,12 @@ import jax.numpy as jnp
 import optax
 
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.networks import Actor, Critic
 from srl_jax.agents.settings import ActorConfig, DDPGConfig
 from srl_jax.distributions import normal
 from srl_jax.types import ActState, Params, Transition
 
-Teacher = Callable[[jax.Array], jax.Array]  # observation f32[O] -> action f32[A]
-Metrics = dict[str, jax.Array]
 METRICS = ("critic_loss", "q")
 
 
@@ -271,3 +271,22 @@ def update(
     state, actor_metrics = actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
     target_actor = track(state.actor, state.target_actor, hyper=hyper)
     return state._replace(target_actor=target_actor), critic_metrics | actor_metrics
+
+
+def adopt(state: AgentState, actor: Params) -> AgentState:
+    """The agent with another actor, online and target; a copy, since donated buffers must not alias."""
+    return state._replace(actor=actor, target_actor=jax.tree.map(jnp.copy, actor))
+
+
+def agent(config: DDPGConfig) -> Agent:
+    """DDPG as the program knows it."""
+    return Agent(
+        init=partial(init, config=config),
+        act=partial(act, config=config),
+        student=partial(student, config=config),
+        update=partial(update, config=config),
+        batch_size=config.batch * config.critic_updates,
+        metrics=METRICS,
+        adopt=adopt if config.init == "behaviour" else None,
+        network=config,
+    )

@@ -5,12 +5,10 @@ from typing import NamedTuple
 
 import jax
 
-from srl_jax.agents.ddpg import Metrics, Teacher
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Teacher
 from srl_jax.agents.settings import FrozenConfig
-from srl_jax.types import ActState, Params, Transition
-
-METRICS = ()
+from srl_jax.types import ActState, Params
 
 
 class FrozenState(NamedTuple):
@@ -20,24 +18,15 @@ class FrozenState(NamedTuple):
     critic: tuple = ()
 
 
-def init(
-    key: jax.Array,
-    observation_size: int,
-    action_size: int,
-    *,
-    config: FrozenConfig,
-    teachers: Sequence[Teacher] = (),
-) -> FrozenState:
+def init(key: jax.Array, observation_size: int, action_size: int, *, teachers: Sequence[Teacher] = ()) -> FrozenState:
     """The empty state; arguments as `ddpg.init`."""
-    del key, observation_size, action_size, config, teachers
+    del key, observation_size, action_size, teachers
     return FrozenState()
 
 
-def student(
-    actor: Params, observation: jax.Array, *, config: FrozenConfig, teachers: Sequence[Teacher] = ()
-) -> jax.Array:
+def student(actor: Params, observation: jax.Array, *, teachers: Sequence[Teacher] = ()) -> jax.Array:
     """The first teacher's action f32[A]."""
-    del actor, config
+    del actor
     return teachers[0](observation)
 
 
@@ -47,26 +36,15 @@ def act(
     observation: jax.Array,
     key: jax.Array,
     *,
-    config: FrozenConfig,
     hyper: Hyper,
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
 ) -> tuple[jax.Array, ActState]:
     """The policy's action without noise; arguments and results as `ddpg.act`."""
     del key, hyper, step
-    return student(state.actor, observation, config=config, teachers=teachers), act_state
+    return student(state.actor, observation, teachers=teachers), act_state
 
 
-def update(
-    state: FrozenState,
-    batch: Transition,
-    key: jax.Array,
-    *,
-    config: FrozenConfig,
-    hyper: Hyper,
-    step: jax.Array,
-    teachers: Sequence[Teacher] = (),
-) -> tuple[FrozenState, Metrics]:
-    """Nothing is learned."""
-    del batch, key, config, hyper, step, teachers
-    return state, {}
+def agent(config: FrozenConfig) -> Agent:
+    """A frozen policy as the program knows it."""
+    return Agent(init=init, act=act, student=student, own_gait=config.policy == "tripod")

@@ -1,32 +1,98 @@
-"""Which module is behind a configuration, and what the training program expects of such a module.
+"""Which algorithms there are: a name, its default settings, and where its functions lie.
 
-An agent is a module of pure functions of one lane: ``init``, ``act``, ``student`` (the policy that is evaluated,
-without noise), ``update``, and ``METRICS``, the names of what its update measures. Its state is a NamedTuple with the
-fields ``actor`` (what ``student`` reads) and ``critic``. An episodic agent, which learns from whole episodes, also has
-``finish(state, episodes, *, config, hyper)``.
+This module imports no jax, so that ``--help`` answers at once; an algorithm's module is imported when it is first used.
 """
 
+from __future__ import annotations
+
 import importlib
-from types import ModuleType
-from typing import Any
+from collections.abc import Callable
+from functools import cache
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
 
-from srl_jax.agents import settings
+from srl_jax.agents import settings as shipped
+from srl_jax.agents.sweep import AgentSettings
 
-_MODULES = {
-    settings.DDPGConfig: "srl_jax.agents.ddpg",
-    settings.SRLConfig: "srl_jax.agents.srl",
-    settings.BACConfig: "srl_jax.agents.bac",
-    settings.FrozenConfig: "srl_jax.agents.frozen",
-    settings.ITEConfig: "srl_jax.ite.agent",
-    settings.SearchConfig: "srl_jax.agents.search",
+if TYPE_CHECKING:
+    from srl_jax.agents.interface import Agent
+
+ENTRY_POINTS = "srl_jax.agents"  # each is a function without arguments that calls `register`
+SHIPPED: dict[str, AgentSettings] = {
+    "ddpg": shipped.DDPGConfig(),
+    "srl": shipped.SRLConfig(),
+    "ddpg_warm": shipped.DDPGConfig(init="behaviour"),
+    "acteach": shipped.ACTEACH,
+    "bac": shipped.BACConfig(),
+    "mcpg": shipped.SearchConfig(),
+    "bpg": shipped.SearchConfig(estimator="model2"),
+    "ite": shipped.ITEConfig(),
+    "tripod": shipped.FrozenConfig(policy="tripod"),
+    "pi_b": shipped.FrozenConfig(),
+}
+Make = Callable[[Any], "Agent"]
+
+_algorithms: dict[str, AgentSettings] = dict(SHIPPED)
+_makers: dict[type[AgentSettings], str | Make] = {
+    shipped.DDPGConfig: "srl_jax.agents.ddpg",
+    shipped.SRLConfig: "srl_jax.agents.srl",
+    shipped.BACConfig: "srl_jax.agents.bac",
+    shipped.FrozenConfig: "srl_jax.agents.frozen",
+    shipped.ITEConfig: "srl_jax.ite.agent",
+    shipped.SearchConfig: "srl_jax.agents.search",
 }
 
 
-def module(config: Any) -> ModuleType:
-    """The agent's functions; a module is imported when it is first used."""
-    return importlib.import_module(_MODULES[type(config)])
+def register(name: str, defaults: AgentSettings, make: str | Make) -> None:
+    """Makes an algorithm known by name, beside those that ship: ``--algos name``, ``--name.field value``.
+
+    Args:
+        name: an identifier that is not taken; registering the same again changes nothing.
+        defaults: its settings, a frozen dataclass derived from `AgentSettings`; its class belongs to `make` alone.
+        make: ``settings -> Agent``, or the module that has it under the name ``agent`` (imported at first use).
+
+    Raises:
+        ValueError: the name is no identifier or is taken, or the class of the settings belongs to another `make`.
+    """
+    kind = type(defaults)
+    if not name.isidentifier() or _algorithms.get(name, defaults) != defaults:
+        raise ValueError(f"name is {name!r}: give an identifier that is none of {', '.join(_algorithms)}.")
+    if not issubclass(kind, AgentSettings) or _makers.get(kind, make) != make:
+        raise ValueError(f"defaults of {name} are of {kind.__name__}: derive a class of its own from AgentSettings.")
+    _algorithms[name], _makers[kind] = defaults, make
 
 
-def is_episodic(config: Any) -> bool:
-    """Whether the agent learns from finished episodes."""
-    return hasattr(module(config), "finish")
+@cache
+def _load_entry_points() -> None:
+    for point in metadata.entry_points(group=ENTRY_POINTS):
+        point.load()()
+
+
+def names() -> tuple[str, ...]:
+    """Every algorithm's name, those of installed packages included."""
+    _load_entry_points()
+    return tuple(_algorithms)
+
+
+def settings(name: str) -> AgentSettings:
+    """The default settings of an algorithm.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    if name not in names():
+        raise ValueError(f"algos has {name!r}: choose from {', '.join(names())}.")
+    return _algorithms[name]
+
+
+@cache
+def agent(config: AgentSettings) -> Agent:
+    """The functions of an algorithm with these settings; the same record for equal settings.
+
+    Raises:
+        ValueError: no algorithm was registered with such settings.
+    """
+    make = _makers.get(type(config))
+    if make is None:
+        raise ValueError(f"config is of {type(config).__name__}, with which no algorithm was registered.")
+    return importlib.import_module(make).agent(config) if isinstance(make, str) else make(config)

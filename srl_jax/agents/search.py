@@ -8,20 +8,20 @@ information is ``diag(1, 2)``, known exactly whatever the gait.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jax.tree_util import Partial
 
-from srl_jax.agents.ddpg import Metrics
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Metrics
 from srl_jax.agents.settings import SearchConfig
 from srl_jax.bayes import quadrature
-from srl_jax.types import ActState, EndedEpisodes, Params, Transition
+from srl_jax.types import ActState, EndedEpisodes, Params
 
-METRICS = ("search_deviation", "gradient_norm", "gradient_deviation", "gradient_failed")
+GAUGES = ("search_deviation", "gradient_norm", "gradient_deviation", "gradient_failed")
 LARGEST = 100  # parameters of a policy that a dense covariance is kept for
 
 
@@ -44,7 +44,7 @@ def init(
     action_size: int,
     *,
     config: SearchConfig,
-    teachers: Sequence[Partial] = (),
+    teachers: Sequence[Any] = (),
 ) -> SearchState:
     """A search that starts at pi_B's parameters, which are the arguments of ``teachers[0]``; arguments as `ddpg.init`.
 
@@ -66,7 +66,7 @@ def init(
         returns=jnp.zeros(config.trajectories),
         count=jnp.zeros((), jnp.int32),
         since=jnp.zeros((), jnp.int32),
-        metrics={name: jnp.zeros(()) for name in METRICS},
+        metrics={name: jnp.zeros(()) for name in GAUGES},
     )
 
 
@@ -86,9 +86,7 @@ def draw(seed: jax.Array, size: int) -> jax.Array:
     return jax.random.normal(jax.random.key(seed), (size,))
 
 
-def student(
-    actor: Params, observation: jax.Array, *, config: SearchConfig, teachers: Sequence[Partial] = ()
-) -> jax.Array:
+def student(actor: Params, observation: jax.Array, *, config: SearchConfig, teachers: Sequence[Any] = ()) -> jax.Array:
     """The action f32[A] of the Gaussian's mean."""
     del config
     return moved(teachers[0], actor["offset"], observation)
@@ -103,7 +101,7 @@ def act(
     config: SearchConfig,
     hyper: Hyper,
     step: jax.Array,
-    teachers: Sequence[Partial] = (),
+    teachers: Sequence[Any] = (),
 ) -> tuple[jax.Array, ActState]:
     """The action of the episode's parameters; arguments and results as `ddpg.act`."""
     del key, config, step
@@ -166,16 +164,12 @@ def ascend(state: SearchState, *, config: SearchConfig, hyper: Hyper) -> SearchS
     )
 
 
-def update(
-    state: SearchState,
-    batch: Transition,
-    key: jax.Array,
-    *,
-    config: SearchConfig,
-    hyper: Hyper,
-    step: jax.Array,
-    teachers: Sequence[Partial] = (),
-) -> tuple[SearchState, Metrics]:
-    """Nothing but the metrics of the last step: this agent learns from whole episodes, in `finish`."""
-    del batch, key, config, hyper, step, teachers
-    return state, state.metrics
+def agent(config: SearchConfig) -> Agent:
+    """An episodic search as the program knows it; what its last step measured stands in the state."""
+    return Agent(
+        init=partial(init, config=config),
+        act=partial(act, config=config),
+        student=partial(student, config=config),
+        finish=partial(finish, config=config),
+        gauge=lambda state: state.metrics,
+    )

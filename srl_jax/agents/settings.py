@@ -1,78 +1,67 @@
-"""Every setting of the agents, with its default and its reason to exist.
+"""Every setting of the agents that ship, with its default, its range and its reason to exist.
 
-A field of type ``Sweep`` may hold several values: each value adds lanes, never another program. Everything else is
-static and shapes the compiled program. This module imports no jax, so that ``--help`` answers at once.
+This module imports no jax, so that ``--help`` answers at once.
 """
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from tyro.constructors import PrimitiveConstructorSpec
+from srl_jax.agents.sweep import AgentSettings, Count, NotNegative, Positive, Range, Share, Sweep
 
-
-def _parse_sweep(args: list[str]) -> tuple[float, ...]:
-    return tuple(float(part) for part in args[0].split(","))
-
-
-Sweep = Annotated[
-    tuple[float, ...],
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="FLOAT[,FLOAT...]",
-        instance_from_str=_parse_sweep,
-        is_instance=lambda x: isinstance(x, tuple) and all(isinstance(v, (int, float)) for v in x),
-        str_from_instance=lambda x: [",".join(repr(v) for v in x)],
-    ),
-]
+Correlation = Annotated[Sweep, Range(0.0, 0.999)]
+Rate = Annotated[Sweep, Range(0.0, 0.99)]
 
 
 @dataclass(frozen=True)
-class ActorConfig:
+class ActorConfig(AgentSettings):
     """What every agent has that learns a network of an actor from a replay."""
 
     hidden: tuple[int, ...] = (64, 64)
     """Hidden widths of actor and critic."""
     layer_norm: bool = True
     """LayerNorm after each hidden layer."""
-    batch: int = 128
+    batch: Count = 128
     """Transitions in a mini-batch."""
     actor_optimiser: Literal["adam", "rmsprop"] = "adam"
     init: Literal["random", "behaviour"] = "random"
     """behaviour: the actor starts from pi_B's parameters (from cloning where pi_B is scripted)."""
-    actor_lr: Sweep = (3e-4,)
-    gamma: Sweep = (0.97,)
+    actor_lr: NotNegative = (3e-4,)
+    gamma: Share = (0.97,)
     """Discount."""
-    noise: Sweep = (0.25,)
+    noise: NotNegative = (0.25,)
     """Standard deviation of the exploration noise at the start."""
-    noise_decay: Sweep = (1.0,)
+    noise_decay: Share = (1.0,)
     """Factor of the noise's variance per environment step (the paper's 0.9999)."""
-    noise_floor: Sweep = (0.05,)
+    noise_floor: NotNegative = (0.05,)
     """Standard deviation below which the noise does not fall."""
-    noise_correlation: Sweep = (0.85,)
+    noise_correlation: Correlation = (0.85,)
     """Correlation of the noise from step to step; 0 is white."""
-    freeze: Sweep = (2_000.0,)
+    freeze: NotNegative = (2_000.0,)
     """Environment steps before the actor's first update, so that the critic has something to say."""
 
-    def __post_init__(self) -> None:
-        """A single number stands for a sweep of one value."""
-        for entry in dataclasses.fields(self):
-            value = getattr(self, entry.name)
-            if isinstance(entry.default, tuple) and isinstance(value, float):
-                object.__setattr__(self, entry.name, (value,))
+    @property
+    def architecture(self) -> tuple[tuple[int, ...], bool]:
+        """What two actors share where one can start from the other's parameters."""
+        return self.hidden, self.layer_norm
+
+    def check(self, name: str) -> None:
+        """Also raises ValueError where a network has no layer or an empty one."""
+        super().check(name)
+        if not self.hidden or min(self.hidden) < 1:
+            raise ValueError(f"{name}.hidden is {self.hidden}: give at least one width, each at least 1.")
 
 
 @dataclass(frozen=True)
 class DDPGConfig(ActorConfig):
     """DDPG (Lillicrap et al. 2016) with an ensemble of critics and, optionally, a start from pi_B."""
 
-    critics: int = 2
+    critics: Count = 2
     """Members of the critic ensemble; targets and actor use their mean."""
-    critic_updates: int = 2
+    critic_updates: Count = 2
     """Mini-batches the critic learns from in one update, to one of the actor."""
     critic_optimiser: Literal["adam", "rmsprop"] = "adam"
-    critic_lr: Sweep = (1e-3,)
-    tau: Sweep = (0.05,)
+    critic_lr: NotNegative = (1e-3,)
+    tau: Share = (0.05,)
     """Rate of the target networks' soft update."""
 
 
@@ -95,9 +84,9 @@ class SRLConfig(DDPGConfig):
     """acteach_release switches when the *current* policy is probably better, as that released code does."""
     shared_masks: bool = True
     """One posterior sample judges all proposals; off: independent masks per proposal (AC-Teach)."""
-    draws: int = 12
+    draws: Count = 12
     """Posterior samples per decision (a multiple of critics)."""
-    guidance_draws: int = 4
+    guidance_draws: Count = 4
     """Posterior samples that weigh the guidance at every state of a mini-batch (a multiple of critics)."""
     guidance_weighting: Literal["posterior", "mean", "annealed"] = "posterior"
     """What weighs the guidance at a state: the posterior probability that pi_B is better there, whether the mean critic
@@ -108,27 +97,34 @@ class SRLConfig(DDPGConfig):
     """Fresh dropout masks in the critic's loss too; off: dropout only in the posterior's draws."""
     behaviour_target: bool = False
     """The TD target's next action is the better of target actor and teachers under the online critic."""
-    dropout: Sweep = (0.02,)
+    dropout: Rate = (0.02,)
     """Dropout rate of the posterior."""
-    beta: Sweep = (0.6,)
+    beta: Share = (0.6,)
     """Posterior probability needed to switch; decays with psi per refusal."""
-    psi: Sweep = (0.99,)
-    guidance_weight: Sweep = (10.0,)
+    psi: Share = (0.99,)
+    guidance_weight: NotNegative = (10.0,)
     """Weight of the pull towards pi_B in the actor's loss, where the posterior favours pi_B; 0: off."""
-    guidance_decay: Sweep = (20_000.0,)
+    guidance_decay: Positive = (20_000.0,)
     """Environment steps until annealed guidance reaches 0."""
-    prior_fraction: Sweep = (0.0,)
+    prior_fraction: Share = (0.0,)
     """Fraction of the mini-batch from healthy transitions at the start; decays linearly to 0."""
-    prior_decay: Sweep = (20_000.0,)
+    prior_decay: Positive = (20_000.0,)
     """Environment steps until prior_fraction reaches 0."""
-    bootstrap: Sweep = (1.0,)
+    bootstrap: Share = (1.0,)
     """Probability that a transition enters one ensemble member's loss; 1: every member sees all."""
-    weight_decay: Sweep = (0.0,)
+    weight_decay: NotNegative = (0.0,)
     """Weight of the squared norm of the critic's parameters (the variational prior of dropout)."""
-    alpha: Sweep = (0.5,)
+    alpha: Positive = (0.5,)
     """Order of the alpha-divergence (critic_loss=alpha)."""
-    precision: Sweep = (10.0,)
+    precision: Positive = (10.0,)
     """Observation precision of the alpha-divergence loss."""
+
+    def check(self, name: str) -> None:
+        """Also raises ValueError where posterior draws do not fall evenly on the members."""
+        super().check(name)
+        for field in ("draws", "guidance_draws"):
+            if (draws := getattr(self, field)) % self.critics:
+                raise ValueError(f"{name}.{field} is {draws}: it must be a multiple of critics={self.critics}.")
 
 
 ACTEACH = SRLConfig(
@@ -146,7 +142,7 @@ ACTEACH = SRLConfig(
 
 
 @dataclass(frozen=True)
-class FrozenConfig:
+class FrozenConfig(AgentSettings):
     """A policy that does not learn."""
 
     policy: Literal["behaviour", "tripod"] = "behaviour"
@@ -154,40 +150,45 @@ class FrozenConfig:
 
 
 @dataclass(frozen=True)
-class SearchConfig:
+class SearchConfig(AgentSettings):
     """Episodic policy gradient over the gait's parameters (Ghavamzadeh & Engel 2006)."""
+
+    first_teacher: ClassVar[str | None] = "gait"
 
     estimator: Literal["monte_carlo", "model1", "model2"] = "monte_carlo"
     """Monte-Carlo's gradient, or that of Bayesian quadrature."""
-    trajectories: int = 20
+    trajectories: Annotated[int, Range(2)] = 20
     """Episodes in one estimate (M)."""
-    search_rate: Sweep = (1.0,)
+    search_rate: Positive = (1.0,)
     """Step along the natural gradient of standardised returns, in standard deviations of the search."""
-    spread: Sweep = (0.2,)
+    spread: Positive = (0.2,)
     """Standard deviation of the parameters at the start, in units of action (1: a joint's full excursion)."""
-    spread_floor: Sweep = (0.02,)
+    spread_floor: Positive = (0.02,)
     """Standard deviation below which the search does not fall."""
-    return_noise: Sweep = (0.5,)
+    return_noise: Positive = (0.5,)
     """Variance of the observation noise on standardised returns (Bayesian quadrature only)."""
 
 
 @dataclass(frozen=True)
-class ITEConfig:
+class ITEConfig(AgentSettings):
     """Intelligent trial and error (Cully et al. 2015): map-based Bayesian optimisation after the damage."""
+
+    tasks: ClassVar[tuple[str, ...] | None] = ("x", "xy")  # its gaits walk straight ahead
+    episode_steps: ClassVar[int | None] = 100  # the map's fitness is the distance of 5 s
 
     repertoire: str = ""
     """The map, a file made by ``python -m srl_jax.repertoire``; empty: the one that ships with the package."""
-    trials: int = 20
+    trials: Count = 20
     """Gaits that are tried at most, an episode each."""
-    rho: Sweep = (0.2,)
+    rho: Positive = (0.2,)
     """Length scale of the process over duty factors (0.4 as published: here one bad trial then spoils half the map)."""
-    prior: Sweep = (1.0,)
+    prior: Positive = (1.0,)
     """Prior variance of a gait's fitness about the map, m^2."""
-    trial_noise: Sweep = (1e-3,)
+    trial_noise: Positive = (1e-3,)
     """Variance of a trial about its gait's true fitness, m^2."""
-    kappa: Sweep = (0.05,)
+    kappa: Positive = (0.05,)
     """Weight of the standard deviation in the choice of the next gait."""
-    sufficient: Sweep = (0.9,)
+    sufficient: Positive = (0.9,)
     """Share of the best expected fitness at which the search ends."""
 
 
@@ -195,19 +196,16 @@ class ITEConfig:
 class BACConfig(ActorConfig):
     """Bayesian actor-critic (Ghavamzadeh & Engel 2007) with a Gaussian around a deterministic actor."""
 
-    batch: int = 64
+    batch: Count = 64
     """Transitions in a mini-batch, all of which meet in one Gaussian process."""
     init: Literal["random", "behaviour"] = "behaviour"
-    actor_lr: Sweep = (3e-5,)
-    noise_correlation: Sweep = (0.0,)
-    kernel_length: Sweep = (10.0,)
+    actor_lr: NotNegative = (3e-5,)
+    noise_correlation: Correlation = (0.0,)
+    kernel_length: Positive = (10.0,)
     """Length scale of the critic's kernel of observations (whose components are of order one)."""
-    value_scale: Sweep = (100.0,)
+    value_scale: Positive = (100.0,)
     """Prior variance of the value of a state."""
-    advantage_scale: Sweep = (1.0,)
+    advantage_scale: Positive = (1.0,)
     """Prior variance of the advantage of an action."""
-    reward_noise: Sweep = (0.1,)
+    reward_noise: Positive = (0.1,)
     """Variance of a temporal difference about the process."""
-
-
-AgentConfig = DDPGConfig | SRLConfig | BACConfig | FrozenConfig | SearchConfig | ITEConfig

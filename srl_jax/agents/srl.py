@@ -5,14 +5,17 @@ Parts as in the paper: proposals and Thompson's sample with commitment (`act`), 
 from pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
 """
 
+import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 
 from srl_jax.agents import ddpg
-from srl_jax.agents.ddpg import AgentState, Metrics, Teacher, critic_fn, student
+from srl_jax.agents.ddpg import AgentState, critic_fn, student
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.settings import SRLConfig
 from srl_jax.bayes import controller, dropout, thompson
 from srl_jax.types import ActState, Params, Transition
@@ -211,3 +214,14 @@ def update(
     state, actor_metrics = ddpg.actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
     target_actor = ddpg.track(state.actor, state.target_actor, hyper=hyper)
     return state._replace(target_actor=target_actor), critic_metrics | actor_metrics
+
+
+def agent(config: SRLConfig) -> Agent:
+    """SRL as the program knows it: DDPG's record with its own way to act, to learn and to fill a mini-batch."""
+    return dataclasses.replace(
+        ddpg.agent(config),
+        act=partial(act, config=config),
+        update=partial(update, config=config),
+        metrics=METRICS,
+        replays_healthy=max(config.prior_fraction) > 0.0,
+    )

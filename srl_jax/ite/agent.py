@@ -12,16 +12,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents.ddpg import Metrics, Teacher
 from srl_jax.agents.hyper import Hyper
+from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.settings import ITEConfig
 from srl_jax.env import gait
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.ite import archive as repertoire
 from srl_jax.ite import family, trials
-from srl_jax.types import ActState, EndedEpisodes, Params, Transition
-
-METRICS = ("trials", "trial_seconds", "trial_gait", "trial_best", "trial_over")
+from srl_jax.types import ActState, EndedEpisodes, Params
 
 
 class ITEState(NamedTuple):
@@ -67,6 +65,11 @@ def init(
 ) -> ITEState:
     """A search before its first trial, of the map's best gait; arguments as `ddpg.init`."""
     del key, observation_size, action_size, teachers
+    return search(config)
+
+
+def search(config: ITEConfig) -> ITEState:
+    """A search before its first trial."""
     prior, gaits = prior_map(config.repertoire)
     first = jnp.argmax(prior.fitness).astype(jnp.int32)
     return ITEState(
@@ -137,23 +140,12 @@ def after_trial(state: ITEState, episode: EndedEpisodes, *, config: ITEConfig, h
     )
 
 
-def update(
-    state: ITEState,
-    batch: Transition,
-    key: jax.Array,
-    *,
-    config: ITEConfig,
-    hyper: Hyper,
-    step: jax.Array,
-    teachers: Sequence[Teacher] = (),
-) -> tuple[ITEState, Metrics]:
-    """Nothing but the search's progress.
+def gauge(state: ITEState) -> Metrics:
+    """How far the search is, each f32[].
 
-    Returns:
-        The state as it was, and metrics: trials made, their robot time (s), the row of the repertoire that the best of
-        them walked by, how far it came (m), and whether the search is over.
+    Trials made, their robot time (s), the row of the repertoire that the best of them walked by, how far it came (m),
+    and whether the search is over.
     """
-    del batch, key, config, hyper, step, teachers
     some, (cell, reached) = state.trials.count > 0, trials.best(state.trials)
     measured = {
         "trials": state.trials.count,
@@ -162,4 +154,26 @@ def update(
         "trial_best": jnp.where(some, reached, 0.0),
         "trial_over": state.over,
     }
-    return state, {name: value.astype(jnp.float32) for name, value in measured.items()}
+    return {name: value.astype(jnp.float32) for name, value in measured.items()}
+
+
+def reopen(state: ITEState, now: jax.Array, *, config: ITEConfig) -> ITEState:
+    """The search begun anew at the lane's control step i32[], after another damage; robot time goes on counting.
+
+    What was tried before tells nothing of the new body, but the best gait of the old one is what the robot walks by
+    until a trial has been made.
+    """
+    fresh = search(config)
+    return fresh._replace(actor=state.actor, seconds=state.seconds, since=now)
+
+
+def agent(config: ITEConfig) -> Agent:
+    """Trial and error as the program knows it."""
+    return Agent(
+        init=partial(init, config=config),
+        act=partial(act, config=config),
+        student=partial(student, config=config),
+        finish=partial(finish, config=config),
+        gauge=gauge,
+        reopen=partial(reopen, config=config),
+    )
