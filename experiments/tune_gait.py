@@ -53,7 +53,7 @@ def walk(robot: hexapod.Hexapod, damage: Damage, gait: Gait, goal: jax.Array, ke
         stalled = jnp.mean(jnp.abs(hexapod.targets(robot, action) - state.qpos[7:]) > STALL)
         return (state, out.observation, done, fell), (1.0 - done, tilt, state.qpos[2] < LOW, stalled)
 
-    carry = (state, hexapod.observe(robot, state), jnp.bool_(False), jnp.bool_(False))
+    carry = (state, hexapod.observe(robot, damage, state), jnp.bool_(False), jnp.bool_(False))
     (state, _, done, fell), each = jax.lax.scan(control, carry, None, length=robot.config.episode_steps)
     means = dict(zip(("time", "tilt", "low", "stalled"), map(jnp.mean, each), strict=True))
     return {"x": state.qpos[0], "success": done, "fell": fell, **means}
@@ -102,9 +102,10 @@ def x_in_c(robot: hexapod.Hexapod, gait: Gait, key: jax.Array, fine: bool) -> fl
         c_model.opt.timestep, substeps, c_model.opt.iterations = 0.002, 25, 50
         c_model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     data = mujoco.MjData(c_model)
-    decide = jax.jit(lambda state: gaits.act(gait, hexapod.observe(robot, state)))
-    advance = jax.jit(lambda before, after, action: hexapod.advance(robot, before, after, action)[0])
-    state = hexapod.reset(robot, damages.build(damage_names.HEALTHY), key)[0]._replace(goal=jnp.array(AHEAD))
+    healthy = damages.build(damage_names.HEALTHY)
+    decide = jax.jit(lambda state: gaits.act(gait, hexapod.observe(robot, healthy, state)))
+    advance = jax.jit(lambda before, after, action: hexapod.advance(robot, healthy, before, after, action)[0])
+    state = hexapod.reset(robot, healthy, key)[0]._replace(goal=jnp.array(AHEAD))
     data.qpos[:] = state.qpos
     for _ in range(robot.config.episode_steps):
         action = decide(state)

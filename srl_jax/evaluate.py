@@ -16,7 +16,7 @@ import numpy as np
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
-from srl_jax.env.hexapod import CONTROL_HZ, EnvState, Hexapod
+from srl_jax.env.hexapod import CONTROL_HZ, EnvState, EnvStep, Hexapod
 from srl_jax.env.model import mjx
 from srl_jax.env.settings import EnvConfig
 
@@ -127,13 +127,14 @@ def rollout_c(
         ValueError: for a bad damage name, ``steps`` below 1, or a time step that does not divide 1/20 s.
     """
     _check_steps(steps)
+    damage = damages.build(damage_name)
     model = damages.damaged_model(damage_name) if model is None else model
     substeps = _substeps(model)
-    state, observation = hexapod.reset(robot, damages.build(damage_name), key)
+    state, observation = hexapod.reset(robot, damage, key)
     goal, policy = np.asarray(state.goal), _as_pytree(policy)
     data = mujoco.MjData(model)
     data.qpos[:] = state.qpos
-    act, advance = _c_functions(robot)
+    act, advance = _c_functions(robot, damage)
 
     outs, poses = [], []
     for _ in range(steps):
@@ -146,6 +147,11 @@ def rollout_c(
         poses.append(state.qpos)
         if out.terminated or out.truncated:
             break
+    return _one_rollout(outs, poses, steps, goal)
+
+
+def _one_rollout(outs: list[EnvStep], poses: list[np.ndarray], steps: int, goal: np.ndarray) -> Rollout:
+    """The rows of an episode that may have ended before `steps`, filled up."""
     rest = steps - len(outs)
     return Rollout(
         qpos=np.stack(poses + [poses[-1]] * rest),
@@ -169,10 +175,10 @@ def converged_model(damage_name: str) -> mujoco.MjModel:
     return model
 
 
-def _c_functions(robot: Hexapod) -> tuple[Callable, Callable]:
+def _c_functions(robot: Hexapod, damage: Damage) -> tuple[Callable, Callable]:
     """Jitted acting and accounting of one control step, compiled once per setting."""
-    args, setting = robot.stance, (robot.task, robot.config, robot.clock_hz)
-    return partial(_act, args, setting=setting), partial(_advance, args, setting=setting)
+    setting = (robot.task, robot.config, robot.clock_hz)
+    return partial(_act, robot.stance, setting=setting), partial(_advance, robot.stance, damage, setting=setting)
 
 
 @partial(jax.jit, static_argnames="setting")
@@ -182,8 +188,10 @@ def _act(stance: jax.Array, policy: Policy, observation: jax.Array, *, setting: 
 
 
 @partial(jax.jit, static_argnames="setting")
-def _advance(stance: jax.Array, before: EnvState, after: EnvState, action: jax.Array, *, setting: tuple):
-    return hexapod.advance(_bodiless(stance, setting), before, after, action)
+def _advance(
+    stance: jax.Array, damage: Damage, before: EnvState, after: EnvState, action: jax.Array, *, setting: tuple
+):
+    return hexapod.advance(_bodiless(stance, setting), damage, before, after, action)
 
 
 def _bodiless(stance: jax.Array, setting: tuple) -> Hexapod:

@@ -7,6 +7,7 @@ import pytest
 
 from srl_jax import evaluate
 from srl_jax.env import damage, hexapod
+from srl_jax.env.model import JOINTS
 from srl_jax.env.settings import EnvConfig
 
 STEPS = 30
@@ -90,6 +91,15 @@ def test_the_program_is_shared_by_parameters_damages_and_robots(robot, rollouts,
     rollout = evaluate.rollout_mjx(again, damage.build("tibia_lf:limp"), still, keys, STEPS)
     assert evaluate._roll._cache_size() == compiled
     assert np.abs(rollout.distance).max() < 0.1  # marches on the spot
+
+
+def test_a_lost_limb_is_not_felt_in_c(robot, keys):
+    """A policy that follows the middle right coxa stands still where that is lost, and moves where it is not."""
+    follow = lambda observation: jnp.clip(5.0 * observation[8 + JOINTS.index("coxa_rm")], -1.0, 1.0) * jnp.ones(18)  # noqa: E731
+    stand = lambda observation: jnp.zeros(18)  # noqa: E731
+    path = lambda name, policy: evaluate.rollout_c(robot, name, policy, keys[0], 5).qpos  # noqa: E731
+    np.testing.assert_array_equal(path("leg_rm", follow), path("leg_rm", stand))
+    assert np.abs(path("leg_rm:limp", follow) - path("leg_rm:limp", stand)).max() > 0.1
 
 
 def test_a_plain_function_is_a_policy(robot, keys):

@@ -19,6 +19,7 @@ from srl_jax.env.model import JOINTS, load_model, load_spec, mjx, stance
 Array = jax.Array | np.ndarray
 
 GHOST = 1e-4  # share of mass and inertia a removed link keeps: MuJoCo wants moving bodies to have some
+PRESENT = 1e-3  # kg: the lightest link weighs 25 g, the heaviest ghost 9 mg
 NEVER_TOUCHES = -10.0  # radius (m) of a lost foot: its surface is 10 m above its centre in any attitude
 
 # A locked joint stays a degree of freedom, made heavy so that nothing the robot does can accelerate it, and
@@ -73,6 +74,11 @@ def stack(names: Sequence[str]) -> Damage:
 def apply(model: mjx.Model, damage: Damage) -> mjx.Model:
     """``model`` with the leaves of one (unbatched) ``damage``; works under ``vmap``."""
     return model.replace(**{field: jnp.asarray(leaf) for field, leaf in damage._asdict().items()})
+
+
+def present(damage: Damage) -> Array:
+    """Which joints have their link, bool[18]: a removed one has left a ghost, and its encoder is silent."""
+    return damage.body_mass[2:] > PRESENT  # bodies 0 and 1: world and torso
 
 
 def damaged_model(name: str) -> mujoco.MjModel:

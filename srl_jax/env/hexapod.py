@@ -80,7 +80,7 @@ def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax
         steps=jnp.zeros((), jnp.int32),
         goal=tasks.sample_goal(robot.task, robot.config, goal_key),
     )
-    return state, observe(robot, state)
+    return state, observe(robot, damage, state)
 
 
 def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
@@ -116,10 +116,12 @@ def step(robot: Hexapod, damage: Damage, state: EnvState, action: jax.Array) -> 
         The reached state and what it earned.
     """
     after = simulate(robot, damage, state, targets(robot, action))
-    return advance(robot, state, after, action)
+    return advance(robot, damage, state, after, action)
 
 
-def advance(robot: Hexapod, before: EnvState, after: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
+def advance(
+    robot: Hexapod, damage: Damage, before: EnvState, after: EnvState, action: jax.Array
+) -> tuple[EnvState, EnvStep]:
     """Clock, reward and ends of a step whose physics is done; shared by MJX and C rollouts."""
     task, config = robot.task, robot.config
     phase = jnp.mod(before.phase + robot.clock_hz / CONTROL_HZ, 1.0)
@@ -131,7 +133,7 @@ def advance(robot: Hexapod, before: EnvState, after: EnvState, action: jax.Array
     terminated = (success & ends) | fell
     terms = tasks.reward_terms(config, progress, action, success, fell, goal_task=ends)
     return after, EnvStep(
-        observation=observe(robot, after),
+        observation=observe(robot, damage, after),
         reward=sum(terms, jnp.zeros(())),
         terminated=terminated,
         truncated=(after.steps >= config.episode_steps) & ~terminated,
@@ -154,14 +156,15 @@ def rotation(quaternion: jax.Array) -> jax.Array:
     )
 
 
-def observe(robot: Hexapod, state: EnvState) -> jax.Array:
+def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """The observation f32[O], components of order one.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
     A `full` observation adds base velocities (3 + 3), joint velocities (18) and height (1), which the robot lacks.
+    Joints of removed links read 0: no encoder answers for them, whatever the simulation's ghosts do.
     """
-    frame = rotation(state.qpos[3:7])
+    frame, felt = rotation(state.qpos[3:7]), damages.present(damage)
     angle = 2.0 * jnp.pi * state.phase
     position = state.qpos[:2]
     heading = frame[:2, 0] / jnp.maximum(jnp.linalg.norm(frame[:2, 0]), 1e-6)
@@ -171,12 +174,12 @@ def observe(robot: Hexapod, state: EnvState) -> jax.Array:
     parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle), ahead, left])]
     if robot.task == "p2p":
         parts.append(jnp.minimum(-tasks.distance("p2p", position, state.goal), 2.0)[None])
-    parts += [-frame[2], state.qpos[7:] - robot.stance[7:]]
+    parts += [-frame[2], jnp.where(felt, state.qpos[7:] - robot.stance[7:], 0.0)]
     if robot.config.observation == "full":
         parts += [
             frame.T @ state.qvel[:3],
             0.3 * state.qvel[3:6],
-            0.1 * state.qvel[6:],
+            0.1 * jnp.where(felt, state.qvel[6:], 0.0),
             10.0 * state.qpos[2:3],
         ]
     return jnp.concatenate(parts)

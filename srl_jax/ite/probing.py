@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from srl_jax.env import hexapod
-from srl_jax.env.damage import Damage, stack
+from srl_jax.env.damage import Damage, present, stack
 from srl_jax.env.hexapod import ACTION_SIZE, CONTROL_HZ, EnvState, Hexapod
 
 LEGS, SEGMENTS = 6, 3
@@ -52,8 +52,7 @@ def sense(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
 
     The encoder of a removed link is silent and reads 0; the simulation's ghost of it would be no evidence.
     """
-    removed = damage.body_mass[2:] < 0.5 * robot.model.body_mass[2:]  # bodies 0 and 1: world and torso
-    joints = jnp.where(removed, 0.0, state.qpos[7:] - robot.stance[7:])
+    joints = jnp.where(present(damage), state.qpos[7:] - robot.stance[7:], 0.0)
     return jnp.concatenate([joints, state.qvel[3:6], -hexapod.rotation(state.qpos[3:7])[2]])
 
 

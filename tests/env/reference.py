@@ -1,4 +1,10 @@
-"""Damage of every kind, on every joint of a leg, for the tests that go through them all."""
+"""What several tests of the environment share: damage of every kind on every joint, and robots in a given state."""
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.env import damage, hexapod
+from srl_jax.env.settings import EnvConfig
 
 WALKING = (
     "healthy",
@@ -18,3 +24,14 @@ WALKING = (
     "tibia_rf:limp+leg_lm",
     "coxa_rm:locked+femur_rm:locked+tibia_rm:locked",
 )
+CLOCK_HZ = 1.5
+
+
+def make(task: str, **settings) -> hexapod.Hexapod:
+    return hexapod.make(task, EnvConfig(**settings), CLOCK_HZ)
+
+
+def state_at(robot, x=0.0, y=0.0, *, quaternion=(1.0, 0, 0, 0), goal=(0.0, 0.0), steps=0) -> hexapod.EnvState:
+    state, _ = hexapod.reset(robot, damage.build("healthy"), jax.random.key(0))
+    qpos = jnp.array([x, y, 0.11, *quaternion, *robot.stance[7:]])
+    return state._replace(qpos=qpos, goal=jnp.array(goal), steps=jnp.int32(steps))

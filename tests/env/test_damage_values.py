@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, damage_names
-from srl_jax.env.model import LEGS, load_model, mjx, put_model
+from srl_jax.env.model import JOINTS, LEGS, load_model, mjx, put_model
 from tests.env.reference import WALKING
 
 # Model leaves that follow the edits but enter no equation of motion here: drawing, broad phase, muscles.
@@ -53,6 +53,13 @@ def test_healthy_changes_nothing():
     model = load_model()
     for field, leaf in damage.build("healthy")._asdict().items():
         np.testing.assert_array_equal(leaf, getattr(model, field).astype(np.float32), err_msg=field)
+
+
+@pytest.mark.parametrize("name", damage_names.catalogue())
+def test_present_are_the_joints_that_the_recompiled_robot_has_or_that_are_locked(name):
+    model = damage.recompiled(name)
+    has = [joint in {model.joint(i).name for i in range(model.njnt)} or f"{joint}:locked" in name for joint in JOINTS]
+    np.testing.assert_array_equal(damage.present(damage.build(name)), has)
 
 
 def test_stack_needs_a_name():

@@ -100,7 +100,7 @@ def test_healthy_robot_walks_in_every_direction():
             return (state, out.observation), (state.qpos[:3], out.fell)
 
         state = hexapod.reset(robot, healthy, key)[0]._replace(goal=goal)
-        return jax.lax.scan(control, (state, hexapod.observe(robot, state)), None, length=100)[1]
+        return jax.lax.scan(control, (state, hexapod.observe(robot, healthy, state)), None, length=100)[1]
 
     angle = np.array([0.0, np.pi / 2, np.pi, -np.pi / 2])
     far = 100.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -11,6 +11,7 @@ import pytest
 from srl_jax.env import damage, hexapod
 from srl_jax.env.model import JOINTS
 from srl_jax.env.settings import EnvConfig
+from tests.env.reference import CLOCK_HZ, make, state_at
 
 STEPS = 20  # 1 s
 KINDS = (
@@ -18,7 +19,16 @@ KINDS = (
     *(f"{segment}_rm{kind}" for segment in ("coxa", "femur", "tibia") for kind in ("", ":limp", ":locked")),
     *("leg_rr", "leg_lf:limp", "leg_rf+leg_lr", "tibia_rf:limp+leg_lm"),
 )
-CLOCK_HZ = 1.5
+# The joints that went with lost links: no encoder answers for them.
+GONE = {
+    "coxa_rm": ("coxa_rm", "femur_rm", "tibia_rm"),
+    "femur_rm": ("femur_rm", "tibia_rm"),
+    "tibia_rm": ("tibia_rm",),
+    "leg_rr": ("coxa_rr", "femur_rr", "tibia_rr"),
+    "leg_rf+leg_lr": ("coxa_rf", "femur_rf", "tibia_rf", "coxa_lr", "femur_lr", "tibia_lr"),
+    "tibia_rf:limp+leg_lm": ("coxa_lm", "femur_lm", "tibia_lm"),
+}
+ANGLES, SPEEDS = slice(7, 25), slice(31, 49)  # of the joints, in the full observation of task x
 
 
 def tripod(phase: jax.Array) -> jax.Array:
@@ -59,25 +69,6 @@ def rollouts(robot):
     return jax.device_get(roll(damage.stack(KINDS), keys))
 
 
-def make(task: str, **settings) -> hexapod.Hexapod:
-    return hexapod.make(task, EnvConfig(**settings), CLOCK_HZ)
-
-
-def state_at(robot, x=0.0, y=0.0, *, quaternion=(1.0, 0, 0, 0), goal=(0.0, 0.0), steps=0) -> hexapod.EnvState:
-    state, _ = hexapod.reset(robot, damage.build("healthy"), jax.random.key(0))
-    qpos = jnp.array([x, y, 0.11, *quaternion, *robot.stance[7:]])
-    return state._replace(qpos=qpos, goal=jnp.array(goal), steps=jnp.int32(steps))
-
-
-def moved(robot, start, end, action=None, **where) -> tuple[hexapod.EnvState, hexapod.EnvStep]:
-    """`advance` from one place to another, without physics."""
-    tilt = where.pop("quaternion", (1.0, 0, 0, 0))
-    before, after = state_at(robot, *start, **where), state_at(robot, *end, quaternion=tilt, **where)
-    action = jnp.zeros(18) if action is None else action
-    advance = jax.jit(partial(hexapod.advance, robot._replace(model=None, data=None)))
-    return advance(before, after, action)
-
-
 # Physics
 
 
@@ -102,8 +93,34 @@ def test_the_observation_is_of_the_reached_state(robot, rollouts):
     _, (states, outs, _) = rollouts
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((states, outs)))
     assert len(np.unique(states.qpos[:, -1, 0])) == len(KINDS)
-    again = jax.jit(jax.vmap(jax.vmap(partial(hexapod.observe, robot))))(states)
-    np.testing.assert_allclose(outs.observation, again, atol=1e-6)
+    each = jax.vmap(jax.vmap(partial(hexapod.observe, robot), (None, 0)))
+    np.testing.assert_allclose(outs.observation, jax.jit(each)(damage.stack(KINDS), states), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_joints_of_lost_links_read_zero_and_all_others_are_felt(robot, rollouts, name):
+    first, (states, outs, _) = jax.tree.map(lambda leaf: leaf[KINDS.index(name)], rollouts)
+    gone = np.isin(JOINTS, GONE.get(name, ()))
+    angles, speeds = states.qpos[:, 7:] - robot.stance[None, 7:], states.qvel[:, 6:]
+    assert (np.abs(angles[:, gone]) > 1e-3).any(0).all() and speeds[:, gone].any(0).all(), "the ghosts do move"
+    onboard = robot._replace(config=EnvConfig(observation="onboard"))
+    sensed = jax.vmap(partial(hexapod.observe, onboard, damage.build(name)))(states)
+    at_reset = hexapod.observe(robot, damage.build(name), first)
+    for seen in (outs.observation, sensed, at_reset[None]):
+        assert not seen[:, ANGLES][:, gone].any()
+    assert not outs.observation[:, SPEEDS][:, gone].any() and not at_reset[SPEEDS][gone].any()
+    for seen in (outs.observation, sensed):
+        np.testing.assert_allclose(seen[:, ANGLES][:, ~gone], angles[:, ~gone], atol=1e-6)
+    np.testing.assert_allclose(outs.observation[:, SPEEDS][:, ~gone], 0.1 * speeds[:, ~gone], atol=1e-6)
+    limp = np.isin(JOINTS, [joint for joint in JOINTS if f"{joint}:limp" in name])
+    assert np.abs(outs.observation[-1, ANGLES][limp]).min(initial=1.0) > 0.01, "a limp joint is felt"
+
+
+def test_reset_hides_the_joints_of_lost_links(robot):
+    state, seen = hexapod.reset(robot, damage.build("leg_rm"), jax.random.key(0))
+    gone = np.isin(JOINTS, GONE["coxa_rm"])
+    assert np.abs(state.qpos - robot.stance)[7:][gone].all()
+    assert not seen[ANGLES][gone].any() and seen[ANGLES][~gone].all()
 
 
 def test_the_clock_runs_and_progress_adds_up(rollouts):
@@ -162,12 +179,13 @@ def test_observation_sizes_and_that_onboard_is_the_first_part(task):
     full, onboard = make(task), make(task, observation="onboard")
     state = state_at(full, 0.2, -0.3, quaternion=(0.8, 0, 0, 0.6), goal=(0.5, 0.5))
     state = state._replace(qvel=jnp.arange(24.0))
-    seen, sensed = hexapod.observe(full, state), hexapod.observe(onboard, state)
+    healthy = damage.build("healthy")
+    seen, sensed = hexapod.observe(full, healthy, state), hexapod.observe(onboard, healthy, state)
     goal = int(task == "p2p")
     assert seen.shape == (hexapod.observation_size(task, full.config),) == (50 + goal,)
     assert sensed.shape == (hexapod.observation_size(task, onboard.config),) == (25 + goal,)
     np.testing.assert_array_equal(seen[: 25 + goal], sensed)
-    still = hexapod.observe(onboard, state._replace(qvel=jnp.zeros(24)))
+    still = hexapod.observe(onboard, healthy, state._replace(qvel=jnp.zeros(24)))
     np.testing.assert_array_equal(still, sensed)  # the robot has no sensor of speed
 
 
@@ -186,7 +204,7 @@ def test_observation_against_numpy():
         *(turn.T @ speed[:2], speed[2:3], 0.3 * speed[3:6], 0.1 * speed[6:], [1.1]),
     ]
     expected = np.concatenate([np.atleast_1d(part) for part in expected])
-    np.testing.assert_allclose(hexapod.observe(robot, state), expected, atol=1e-5)
+    np.testing.assert_allclose(hexapod.observe(robot, damage.build("healthy"), state), expected, atol=1e-5)
 
 
 def test_rotation_is_mujocos():
@@ -198,53 +216,3 @@ def test_targets_are_about_the_stance(robot):
     action = np.linspace(-1, 1, 18, dtype=np.float32)
     expected = np.asarray(robot.stance[7:]) + np.tile([0.6, 0.7, 0.7], 6) * action
     np.testing.assert_allclose(hexapod.targets(robot, action), expected, rtol=1e-6)
-
-
-# Rewards and ends
-
-
-def test_dense_reward_is_the_sum_of_its_terms():
-    action = jnp.linspace(-1, 1, 18)
-    _, out = moved(make("x"), (0.0, 0.0), (0.02, 0.1), action)
-    expected = {"progress": 50 * 0.02, "effort": -0.05 * np.mean(np.square(action)), "goal": 0, "fall": 0}
-    assert {name: float(value) for name, value in out.terms._asdict().items()} == pytest.approx(expected, rel=1e-5)
-    assert float(out.reward) == pytest.approx(sum(expected.values()), rel=1e-5)
-    assert float(out.progress) == pytest.approx(0.02)
-
-
-def test_reaching_the_goal_terminates_with_a_bonus_and_is_no_time_out():
-    robot = make("p2p", episode_steps=100)
-    _, out = moved(robot, (0.0, 0.0), (0.02, 0.0), goal=(0.16, 0.0), steps=99)
-    assert (bool(out.success), bool(out.terminated), bool(out.truncated)) == (True, True, False)
-    assert float(out.terms.goal) == 5.0
-    _, out = moved(robot, (0.0, 0.0), (0.0, 0.0), goal=(0.16, 0.0), steps=98)
-    assert (bool(out.success), bool(out.terminated), bool(out.truncated)) == (False, False, False)
-
-
-@pytest.mark.parametrize("task", ["x", "xy", "p2p"])
-def test_time_out_truncates(task):
-    robot = make(task, episode_steps=7)
-    after, out = moved(robot, (0.0, 0.0), (0.01, 0.0), goal=(0.9, 0.0), steps=6)
-    assert (bool(out.terminated), bool(out.truncated), int(after.steps)) == (False, True, 7)
-
-
-@pytest.mark.parametrize(("reward", "penalty"), [("dense", -1.0), ("sparse", 0.0)])
-def test_tipping_over_terminates(reward, penalty):
-    _, out = moved(make("x", reward=reward), (0.0, 0.0), (0.0, 0.0), quaternion=(0.6, 0.8, 0, 0), steps=99)
-    assert (bool(out.fell), bool(out.terminated), bool(out.truncated)) == (True, True, False)
-    assert float(out.reward) == penalty
-
-
-@pytest.mark.parametrize(("task", "end"), [("x", (1.0, 0.0)), ("xy", (-0.8, 0.61)), ("p2p", (0.5, 0.4))])
-def test_sparse_reward_is_one_at_success_and_ends_there(task, end):
-    robot = make(task, reward="sparse")
-    _, out = moved(robot, (0.0, 0.0), end, jnp.ones(18), goal=(0.5, 0.5))
-    assert (float(out.reward), bool(out.success), bool(out.terminated)) == (1.0, True, True)
-    _, out = moved(robot, (0.0, 0.0), (0.2, 0.2), jnp.ones(18), goal=(0.5, 0.5))
-    assert (float(out.reward), bool(out.success), bool(out.terminated)) == (0.0, False, False)
-
-
-@pytest.mark.parametrize("task", ["x", "xy"])
-def test_under_the_dense_reward_distance_alone_ends_nothing(task):
-    _, out = moved(make(task), (0.99, 0.0), (1.01, 0.0))
-    assert (bool(out.success), bool(out.terminated), float(out.terms.goal)) == (True, False, 0.0)
