@@ -27,7 +27,7 @@ from srl_jax.env import damage_names, hexapod
 from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import converged_model
 from srl_jax.ite import probing, selfmodel
-from srl_jax.report.curves import FIXED, STYLE
+from srl_jax.report.style import FIXED, STYLE
 from srl_jax.statistics import stratified_interval
 
 BLOCK = 128  # robots stepped together: as many as fit the cache
@@ -39,7 +39,7 @@ COLOURS: dict[str, str] = dict(zip(selfmodel.CHOICES, FIXED.values(), strict=Tru
 class Args:
     """Names the damage from a few motions, and counts how often that is right."""
 
-    damages: str = "all"  # hypotheses: all, losses21, or a comma list; one robot under two names counts once
+    damages: str = "all"  # hypotheses: all, losses21, or a comma list
     truth: Literal["mjx", "c"] = "mjx"  # physics of the hypotheses, or C MuJoCo at 2 ms with another friction
     friction: float = 0.8  # with --truth c: share of the hypotheses' friction
     motions: int = 16  # to choose from
@@ -128,7 +128,7 @@ def main(args: Args) -> None:
     """Simulates, identifies, prints the table and saves the figure."""
     if not 1 <= args.probes <= args.motions:
         raise ValueError(f"probes is {args.probes}; accepted are 1 to motions, {args.motions}.")
-    names = probing.distinct(damage_names.parse_names(args.damages, "x"))
+    names = damage_names.parse_names(args.damages, "x")
     robot = hexapod.make("x", EnvConfig(), 1.0)
     motion_key, model_key, truth_key, noise_key, choice_key = jax.random.split(jax.random.key(args.seed), 5)
     actions = probing.probes(motion_key, args.motions, args.steps, amplitude=args.amplitude)

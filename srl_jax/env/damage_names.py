@@ -1,13 +1,15 @@
 """The language of damage: names such as ``tibia_rm``, ``leg_rm+leg_lf`` or ``tibia_rf:limp+leg_lm``.
 
 Parts are joined with ``+``, each a joint (``removed``, ``limp`` or ``locked``) or a leg (``removed`` or ``limp``),
-``removed`` where no kind is given; ``healthy`` has none.
+``removed`` where no kind is given; ``healthy`` has none. What lies beyond a removed joint is removed as well, so a
+removed coxa is a removed leg, and is called so.
 """
 
+from collections.abc import Iterator
 from itertools import combinations
 from typing import NamedTuple
 
-from srl_jax.env.model import LEGS, SEGMENTS
+from srl_jax.env.model import JOINTS, LEGS, SEGMENTS
 
 HEALTHY = "healthy"
 JOINT_KINDS = ("removed", "limp", "locked")
@@ -35,7 +37,7 @@ class Loss(NamedTuple):
 
 
 def canonical(name: str) -> str:
-    """The one spelling of a damage: parts in leg and segment order, ``removed`` left out.
+    """The one spelling of a damaged robot: parts in leg and segment order, whole legs as such, ``removed`` left out.
 
     Raises:
         ValueError: for an unknown part or kind, or where two parts concern the same joint.
@@ -44,10 +46,9 @@ def canonical(name: str) -> str:
 
 
 def catalogue() -> tuple[str, ...]:
-    """Healthy, 18 joints x 3 kinds, 6 legs x 2 kinds, and 15 pairs of removed legs: 82 names."""
-    joints = [Loss(segment, leg, kind).name for leg in LEGS for segment in SEGMENTS for kind in JOINT_KINDS]
-    legs = [Loss("leg", leg, kind).name for leg in LEGS for kind in LEG_KINDS]
-    return (HEALTHY, *joints, *legs, *losses21()[len(LEGS) :])
+    """Healthy, 18 joints x 3 kinds (a removed coxa being a removed leg), 6 limp legs, 15 pairs of removed legs: 76."""
+    joints = [canonical(f"{joint}:{kind}") for joint in JOINTS for kind in JOINT_KINDS]
+    return (HEALTHY, *joints, *(f"leg_{leg}:limp" for leg in LEGS), *losses21()[len(LEGS) :])
 
 
 def losses21() -> tuple[str, ...]:
@@ -94,12 +95,8 @@ def parse(name: str) -> tuple[Loss, ...]:
     """
     if name.strip() == HEALTHY:
         return ()
-    losses = sorted(
-        (_parse_loss(part, name) for part in name.split("+")),
-        key=lambda loss: (LEGS.index(loss.leg), ("leg", *SEGMENTS).index(loss.segment)),
-    )
     owner: dict[str, Loss] = {}
-    for loss in losses:
+    for loss in (_parse_loss(part, name) for part in name.split("+")):
         for joint in loss.joints:
             if joint in owner:
                 raise ValueError(
@@ -107,7 +104,21 @@ def parse(name: str) -> tuple[Loss, ...]:
                     "each joint is accepted in one part only."
                 )
             owner[joint] = loss
-    return tuple(losses)
+    kinds = {joint: loss.kind for joint, loss in owner.items()}
+    return tuple(loss for leg in LEGS for loss in _spell(leg, kinds))
+
+
+def _spell(leg: str, kinds: dict[str, str]) -> Iterator[Loss]:
+    """The fewest losses that disable what `kinds` says of a leg's joints, from the hip outwards."""
+    own = [kinds.get(f"{segment}_{leg}") for segment in SEGMENTS]
+    if own[0] in LEG_KINDS and len(set(own)) == 1:
+        yield Loss("leg", leg, own[0])
+        return
+    for segment, kind in zip(SEGMENTS, own, strict=True):
+        if kind:
+            yield Loss(segment, leg, kind)
+        if kind == "removed":  # with all that hangs on it
+            return
 
 
 def _parse_loss(part: str, name: str) -> Loss:

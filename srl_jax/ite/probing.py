@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from srl_jax.env import hexapod
-from srl_jax.env.damage import Damage, present, stack
+from srl_jax.env.damage import Damage, present
 from srl_jax.env.hexapod import ACTION_SIZE, CONTROL_HZ, EnvState, Hexapod
 
 LEGS, SEGMENTS = 6, 3
@@ -74,15 +74,3 @@ def trace(robot: Hexapod, damage: Damage, actions: jax.Array, spread: jax.Array,
         return state, sense(robot, damage, state)
 
     return jax.lax.scan(advance, state, actions)[1]
-
-
-def distinct(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names without those that are the same robot as an earlier one, such as ``leg_rf`` after ``coxa_rf``.
-
-    Raises:
-        ValueError: for a bad name, or for no name at all.
-    """
-    leaves = stack(names)
-    rows = np.concatenate([np.reshape(leaf, (len(names), -1)) for leaf in leaves], axis=1)
-    _, first = np.unique(rows, axis=0, return_index=True)
-    return tuple(names[row] for row in sorted(first))

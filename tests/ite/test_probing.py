@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage as damages
-from srl_jax.env import damage_names, hexapod
+from srl_jax.env import hexapod
 from srl_jax.env.model import JOINTS
 from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import probing
@@ -111,11 +111,3 @@ def test_spread_scales_the_noise_of_the_start(robot, servos):
     whole = hexapod.reset(robot, damages.build("healthy"), KEY)[0].qpos[7:] - robot.stance[7:]
     np.testing.assert_allclose(run(1.0, KEY)[0, :18], 0.5 * whole, atol=1e-6)
     np.testing.assert_allclose(run(0.3, KEY)[0, :18], 0.15 * whole, atol=1e-6)
-
-
-def test_a_robot_counts_once_under_its_two_names():
-    names = damage_names.catalogue()
-    distinct = probing.distinct(names)
-    assert len(names) == 82 and len(distinct) == 76
-    assert set(names) - set(distinct) == {f"leg_{leg}" for leg in ("rf", "rm", "rr", "lf", "lm", "lr")}
-    assert probing.distinct(("leg_rf", "coxa_rf", "healthy")) == ("leg_rf", "healthy")
