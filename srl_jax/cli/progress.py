@@ -3,22 +3,32 @@
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from srl_jax.job.loop import Progress as Status
 from srl_jax.report.curves import format_table
+
+if TYPE_CHECKING:
+    from srl_jax.job.loop import Progress as Status
+
+
+class Terminal(Console):
+    """A console that leaves a closed pipe to the command, whose exit code it decides."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
 
 
 class Display:
     """Shows `loop.Progress`: elapsed and remaining time, rates, and the latest success or return per algorithm."""
 
-    def __init__(self, directory: Path, console: Console | None = None):
-        self.directory = directory
-        usual = Console() if sys.stdout.isatty() else Console(width=140)  # a file has no width
+    directory: Path  # where the job's files go, known once it has begun
+
+    def __init__(self, console: Console | None = None):
+        usual = Terminal() if sys.stdout.isatty() else Terminal(width=140)  # a file has no width
         self.console = console or usual
         self._shown = ("", "")
         self.bar = Progress(
@@ -38,19 +48,19 @@ class Display:
     def __enter__(self) -> "Display":
         return self
 
-    def begin(self) -> None:
+    def begin(self, directory: Path) -> None:
         """Says once where results go; not before there is a status to show, since the input may yet be refused."""
         if not self._begun:
-            self._begun = True
-            self.console.print(f"Results go to {self.directory}")
+            self._begun, self.directory = True, directory
+            self.console.print(f"Results go to {directory}", soft_wrap=True, highlight=False)
             self.bar.start()
 
     def __exit__(self, *exception: object) -> None:
         self.bar.stop()
 
-    def update(self, status: Status) -> None:
+    def update(self, status: "Status") -> None:
         """Shows the newest status; on a file, one line whenever something was evaluated."""
-        self.begin()
+        self.begin(status.directory)
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
         self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
         shown = (status.phase, latest(status))
@@ -67,12 +77,18 @@ class Display:
         self.console.print(
             f"{machine['lanes']} lanes, {machine['training_seconds']:.0f} s of training, "
             f"{machine['environment_steps_per_second']:,} env steps/s, {machine['updates_per_second']:,} updates/s, "
-            f"compiled in {machine['compile_seconds']:.0f} s, peak {machine['peak_memory_gib']} GiB"
+            f"compiled in {machine['compile_seconds']:.0f} s{peak(machine)}"
         )
         for lane in summary.get("nonfinite_lanes", []):
             name = f"{lane['algo']} {lane['variant']} seed {lane['seed']} {lane['damage']}"
             self.console.print(f"Lane {lane['lane']} ({name}) met a number that is not finite and was frozen.")
         self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
+
+
+def peak(machine: Mapping[str, Any]) -> str:
+    """The memory that a job needed, where the system says so."""
+    used = machine["peak_memory_gib"]
+    return "" if used is None else f", peak {used} GiB"
 
 
 def results(summary: Mapping[str, Any]) -> Table:
@@ -84,7 +100,7 @@ def results(summary: Mapping[str, Any]) -> Table:
     return table
 
 
-def latest(status: Status) -> str:
+def latest(status: "Status") -> str:
     """The newest evaluation, such as ``srl .83 (return 41)``."""
     return "  ".join(
         f"{algo} {values.get('success', float('nan')):.2f} (return {values.get('return', float('nan')):.1f})"

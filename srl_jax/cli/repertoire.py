@@ -1,4 +1,4 @@
-"""Makes a repertoire of gaits: ``python -m srl_jax.repertoire --evaluations 200000 --out runs/repertoire``."""
+"""The verb ``repertoire``: ``srl-jax repertoire --evaluations 200000`` fills a map of gaits."""
 
 import dataclasses
 import sys
@@ -8,8 +8,13 @@ from pathlib import Path
 
 import tyro
 
-from srl_jax.cli import run
+from srl_jax.cli.devices import use_devices
+from srl_jax.cli.ending import leave
+from srl_jax.cli.signals import StopSignals
 from srl_jax.ite.settings import RepertoireSettings, check, read_settings
+from srl_jax.job.files import differences
+
+PROGRAM = "srl-jax repertoire"
 
 
 @dataclass(frozen=True)
@@ -25,30 +30,30 @@ class Arguments(RepertoireSettings):
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Parses the command line, searches, prints what was found; exits as `run.leave` says."""
-    run.leave(_main, sys.argv[1:] if argv is None else argv)
+    """Parses the command line, searches, prints what was found; exits as `leave` says."""
+    leave(_main, sys.argv[1:] if argv is None else argv)
 
 
 def _main(argv: list[str]) -> int:
     arguments, settings = parse(argv)
-    directory = Path(arguments.resume or arguments.out or f"runs/repertoire-{time.strftime('%Y%m%d-%H%M%S')}")
-    devices = run.use_devices(arguments.devices)
+    devices = use_devices(arguments.devices, settings.batch)
 
     from srl_jax.cli.repertoire_progress import SearchDisplay
-    from srl_jax.ite import search  # jax is imported here, after the devices are known
+    from srl_jax.job import repertoire as search  # jax is imported here, after the devices are known
 
-    stop = run.StopSignals()
-    with SearchDisplay(directory) as display:
+    stop = StopSignals()
+    with SearchDisplay() as display:
         summary = search.run(
             settings,
-            directory,
+            Path(arguments.resume or arguments.out or f"runs/repertoire-{time.strftime('%Y%m%d-%H%M%S')}"),
             devices,
+            exact=bool(arguments.out),
             resume=bool(arguments.resume),
-            listener=display.show,
+            listener=display.update,
             stopped=stop.requested,
         )
     if summary is None:
-        print(f"Stopped and saved. Go on with: python -m srl_jax.repertoire --resume {directory}")
+        print(f"Stopped and saved. Go on with: srl-jax repertoire --resume {display.directory}")
         return 128 + stop.number
     display.closing(summary)
     return 0
@@ -60,24 +65,20 @@ def parse(argv: list[str]) -> tuple[Arguments, RepertoireSettings]:
     Raises:
         ValueError: a number is out of range, or a resumed search is given other settings than its own.
     """
-    arguments = tyro.cli(Arguments, args=argv, prog="python -m srl_jax.repertoire")
+    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
     old = None
     if arguments.resume:
         old = read_settings(Path(arguments.resume))
-        arguments = tyro.cli(Arguments, args=argv, default=Arguments(**vars(old)), prog="python -m srl_jax.repertoire")
+        arguments = tyro.cli(Arguments, args=argv, default=Arguments(**vars(old)), prog=PROGRAM)
     settings = RepertoireSettings(
         **{field.name: getattr(arguments, field.name) for field in dataclasses.fields(RepertoireSettings)}
     )
     check(settings)
     if old is not None:
-        changed = [name for name in run.differences(vars(old), vars(settings)) if name != "evaluations"]
+        changed = [name for name in differences(vars(old), vars(settings)) if name != "evaluations"]
         if changed or arguments.out:
             fields = ", ".join(changed) or "out"
             raise ValueError(f"resume {arguments.resume}: {fields} differ from the search's own; leave them out.")
         if settings.evaluations < old.evaluations:
             raise ValueError(f"evaluations is {settings.evaluations}: the search to resume has {old.evaluations}.")
     return arguments, settings
-
-
-if __name__ == "__main__":
-    main()

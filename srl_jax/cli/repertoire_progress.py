@@ -1,12 +1,11 @@
 """The progress of a search for a repertoire: the main job's display with other figures."""
 
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import TextColumn
 
-from srl_jax.cli.progress import Display
+from srl_jax.cli.progress import Display, peak
 from srl_jax.ite.elites import CELLS
 from srl_jax.ite.walk import STEPS
 from srl_jax.job.repertoire import Status
@@ -16,17 +15,17 @@ FILE_EVERY = 30.0  # s between two lines where there is no terminal
 
 
 class SearchDisplay(Display):
-    """Shows `search.Status`: evaluations, rate, filled cells and the best speed so far."""
+    """Shows `job.repertoire.Status`: evaluations, rate, filled cells and the best speed so far."""
 
-    def __init__(self, directory: Path, console: Console | None = None):
-        super().__init__(directory, console)
+    def __init__(self, console: Console | None = None):
+        super().__init__(console)
         count = TextColumn("{task.completed:,.0f}/{task.total:,.0f} gaits")
         self.bar.columns = (*self.bar.columns[:2], count, *self.bar.columns[3:])
         self._said: tuple[str, float] = ("", 0.0)
 
-    def show(self, status: Status) -> None:
+    def update(self, status: Status) -> None:
         """Shows the newest status; on a file, a line for every new phase, every half minute, and at the end."""
-        self.begin()
+        self.begin(status.directory)
         figures = f"{status.rate:,.0f} gaits/s  {status.filled:,} cells  best {status.best / SECONDS:.3f} m/s"
         self.bar.update(
             self.task, description=status.phase, completed=status.evaluations, total=status.wanted, rates=figures
@@ -49,7 +48,7 @@ class SearchDisplay(Display):
         self.console.print(
             f"{summary['evaluations']:,} gaits in {summary['seconds']:.0f} s, "
             f"{machine['evaluations_per_second']:,} gaits/s on {machine['devices']} devices, "
-            f"compiled in {machine['compile_seconds']:.0f} s, peak {machine['peak_memory_gib']} GiB",
+            f"compiled in {machine['compile_seconds']:.0f} s{peak(machine)}",
             soft_wrap=True,
             highlight=False,
         )

@@ -1,80 +1,198 @@
-"""The files of a run: what was asked, the lane table, and every measured number in long form."""
+"""The files of a job: its directory, what was asked and on which machine, and a run's lanes and measured numbers."""
 
 import contextlib
 import csv
 import dataclasses
-import fcntl
+import errno
+import io
+import itertools
 import json
 import platform
 from collections.abc import Iterable, Iterator
-from importlib import metadata
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import IO, TYPE_CHECKING, Any
 
+from srl_jax import machine
 from srl_jax.config import Config
-from srl_jax.program.lanes import Lane
 
-PACKAGES = (
-    "srl-jax",
-    "jax",
-    "jaxlib",
-    "mujoco",
-    "mujoco-mjx",
-    "flax",
-    "optax",
-    "distrax",
-    "orbax-checkpoint",
-)
+if TYPE_CHECKING:  # the command line reads configurations before jax may be imported
+    from srl_jax.program.lanes import Lane
+
 Row = tuple[int, int, str, float]  # step, lane, metric, value
+
+HELD = {errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES}
+NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
+
+
+def claim(directory: Path, *, exact: bool) -> Path:
+    """Makes the directory of a new job, which no other job can then take for its own; returns it.
+
+    Args:
+        directory: where the files are to go.
+        exact: it is this directory or none; otherwise a number is appended until the name is free.
+
+    Raises:
+        ValueError: `exact`, and there are files in it.
+    """
+    if exact:
+        check_empty(directory)
+        directory.mkdir(parents=True, exist_ok=True)
+        return directory
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    for number in itertools.count(1):
+        name = directory if number == 1 else directory.with_name(f"{directory.name}-{number}")
+        with contextlib.suppress(FileExistsError):
+            name.mkdir()
+            return name
+    raise AssertionError("numbers do not end")
+
+
+def check_empty(directory: Path) -> None:
+    """Raises ValueError where a new job would mix its files with others."""
+    if directory.exists() and any(directory.iterdir()):
+        raise ValueError(f"out is {directory}: it is not empty; choose another, or go on with --resume {directory}.")
+
+
+@contextlib.contextmanager
+def in_use(directory: Path) -> Iterator[None]:
+    """Keeps other processes out of a directory, where the system and its file system have locks.
+
+    Raises:
+        ValueError: another process is in it.
+    """
+    with (directory / ".lock").open("w") as file:
+        try:
+            import fcntl  # not on Windows
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except ImportError:
+            pass
+        except OSError as error:
+            if error.errno in HELD:
+                said = f"{directory} is in use by another job; wait for it or choose another directory."
+                raise ValueError(said) from None
+            if error.errno not in NO_LOCKS:
+                raise
+        yield
+
+
+@contextlib.contextmanager
+def replaced(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
+    """A file to write: all of it takes the place of `path` at the end, or nothing does."""
+    partial = path.with_suffix(".partial")
+    try:
+        with partial.open(mode, newline=None if "b" in mode else "") as file:
+            yield file
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def write_json(path: Path, value: Any) -> None:
     """Writes all of the file or nothing of it."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
-    partial.replace(path)
+    with replaced(path) as file:
+        file.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
-def write_config(directory: Path, config: Config, devices: int) -> None:
-    """config.json: every setting, resolved, with versions and the machine."""
-    versions = {name: metadata.version(name) for name in PACKAGES if name in _installed()}
-    machine = {"python": platform.python_version(), "machine": platform.machine(), "devices": devices}
-    write_json(directory / "config.json", {"config": dataclasses.asdict(config), "versions": versions} | machine)
+# config.json
 
 
-def _installed() -> set[str]:
-    return {dist.metadata["Name"].replace("_", "-").lower() for dist in metadata.distributions()}
+def write_settings(directory: Path, settings: dict[str, Any], devices: int, from_step: int) -> None:
+    """config.json: what was asked, and a part for every process that worked on it; this one's is appended."""
+    path = directory / "config.json"
+    part = {
+        "from_step": from_step,
+        "began": datetime.now(UTC).isoformat(timespec="seconds"),
+        "devices": devices,
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "versions": machine.versions(),
+    }
+    write_json(path, settings | {"parts": [*(read_parts(directory) if path.exists() else []), part]})
+
+
+def write_config(directory: Path, config: Config, devices: int, from_step: int = 0) -> None:
+    """config.json of a run: every setting, resolved; call it once a process.
+
+    Args:
+        directory: of the run.
+        config: what was asked.
+        devices: over how many devices this process lays the lanes.
+        from_step: the environment step at which it goes on.
+    """
+    write_settings(directory, {"config": dataclasses.asdict(config)}, devices, from_step)
 
 
 def read_config(directory: Path) -> tuple[Config, int]:
-    """The settings of a run and its number of devices.
+    """The settings of a run and the number of devices of its last part.
 
     Raises:
         ValueError: the directory is not a run's, or was written by another version.
     """
-    path = directory / "config.json"
-    try:
-        stored = json.loads(path.read_text())
+    stored = _read_json(directory, "run")
+    with _sentence(directory / "config.json"):
         values = dict(stored["config"])
         for name, kind in _SECTIONS.items():
             values[name] = kind(**{key: _tupled(value) for key, value in values[name].items()})
-        return Config(**values), int(stored["devices"])
-    except FileNotFoundError:
-        raise ValueError(f"{directory} is not the directory of a run: it has no config.json.") from None
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} cannot be read as a configuration of this version: {error}.") from error
+        return Config(**values), int(stored["parts"][-1]["devices"])
+
+
+def read_parts(directory: Path) -> list[dict[str, Any]]:
+    """The processes that worked on a job, oldest first: from_step, began, devices, machine, python, versions.
+
+    Raises:
+        ValueError: the directory is not a job's, or was written by another version.
+    """
+    stored = _read_json(directory, "job")
+    with _sentence(directory / "config.json"):
+        return list(stored["parts"])
+
+
+def differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """Names of the fields, sections included, in which two configurations differ."""
+    changed = []
+    for name, value in old.items():
+        if dataclasses.is_dataclass(value):
+            inner = differences(vars(value), vars(new[name]))
+            changed += [f"{name}.{field}" for field in inner]
+        elif value != new[name]:
+            changed.append(name)
+    return changed
 
 
 _SECTIONS = {name: type(value) for name, value in vars(Config()).items() if dataclasses.is_dataclass(value)}
+
+
+def _read_json(directory: Path, kind: str) -> dict[str, Any]:
+    path = directory / "config.json"
+    try:
+        with _sentence(path):
+            return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise ValueError(f"{directory} is not the directory of a {kind}: it has no config.json.") from None
+
+
+@contextlib.contextmanager
+def _sentence(path: Path) -> Iterator[None]:
+    """Turns what a broken or foreign file causes into one sentence."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{path} cannot be read as a configuration of this version: {error}.") from error
 
 
 def _tupled(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def write_lanes(directory: Path, lanes: list[Lane]) -> None:
+# A run's tables
+
+
+def write_lanes(directory: Path, lanes: "list[Lane]") -> None:
     """lanes.csv: one row per lane."""
-    with (directory / "lanes.csv").open("w", newline="") as file:
+    with replaced(directory / "lanes.csv") as file:
         writer = csv.writer(file)
         writer.writerow(("lane", "algo", "seed", "task", "damage", "variant"))
         writer.writerows((lane.index, lane.algo, lane.seed, lane.task, lane.damage, lane.label) for lane in lanes)
@@ -89,10 +207,8 @@ class Metrics:
         """Opens the file; rows after step `keep_until` are dropped, all of them if it is None."""
         self._path = directory / "metrics.csv"
         kept = [] if keep_until is None or not self._path.exists() else self._rows_until(keep_until)
-        partial = self._path.with_suffix(".partial")
-        with partial.open("w", newline="") as file:
+        with replaced(self._path) as file:
             csv.writer(file).writerows([self.HEADER, *kept])
-        partial.replace(self._path)
 
     def _rows_until(self, step: int) -> list[list[str]]:
         with self._path.open(newline="") as file:
@@ -100,22 +216,15 @@ class Metrics:
         return [row for row in rows if int(row[0]) <= step]
 
     def write(self, rows: Iterable[Row]) -> None:
-        """Appends rows and hands them to the operating system, so that a killed run loses none of them."""
-        with self._path.open("a", newline="") as file:
-            csv.writer(file).writerows((step, lane, name, f"{value:.7g}") for step, lane, name, value in rows)
-
-
-@contextlib.contextmanager
-def in_use(directory: Path) -> Iterator[None]:
-    """Keeps other processes out of a directory.
-
-    Raises:
-        ValueError: another process is in it.
-    """
-    with (directory / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            said = f"{directory} is in use by another run; wait for it or choose another directory."
-            raise ValueError(said) from None
-        yield
+        """Appends all rows or none, and hands them to the operating system, so that a killed run loses none of them."""
+        text = io.StringIO()
+        csv.writer(text).writerows((step, lane, name, f"{value:.7g}") for step, lane, name, value in rows)
+        left = memoryview(text.getvalue().encode())
+        with self._path.open("ab", buffering=0) as file:
+            before = file.tell()
+            try:
+                while left:
+                    left = left[file.write(left) :]
+            except OSError:
+                file.truncate(before)
+                raise

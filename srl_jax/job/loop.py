@@ -1,7 +1,6 @@
 """Python's part of a run: chunks of the compiled program, with evaluations, checkpoints and files between them."""
 
 import dataclasses
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from srl_jax import machine
 from srl_jax.config import Config
 from srl_jax.env.hexapod import SUBSTEPS
 from srl_jax.job import checkpoint, plan, start
@@ -35,6 +35,7 @@ class Progress:
     environment_rate: float  # environment steps per second, all lanes
     update_rate: float  # gradient updates per second, all lanes
     latest: dict[str, dict[str, float]]  # per algorithm, means over its lanes at the last evaluation
+    directory: Path  # where the files go
 
 
 Listener = Callable[[Progress], None]
@@ -45,6 +46,7 @@ def run(
     directory: Path,
     devices: int,
     *,
+    exact: bool = True,
     resume: bool = False,
     listener: Listener = lambda progress: None,
     stopped: Callable[[], bool] = lambda: False,
@@ -55,6 +57,7 @@ def run(
         config: what to do.
         directory: where the files go; new, or of a run to resume.
         devices: over how many devices lanes are laid.
+        exact: the files go to `directory` or nowhere; otherwise a number is appended where the name is taken.
         resume: go on from the newest checkpoint in `directory`.
         listener: called now and then with the progress.
         stopped: asked now and then; once True, the run saves its state and returns.
@@ -68,13 +71,12 @@ def run(
     plans = plan.make(config)
     layout = lane_table.lay_out(plans.lanes, devices)
     plan.check_memory(config, len(layout.rows))
-    if not resume and directory.exists() and any(directory.iterdir()):
-        raise ValueError(
-            f"out is {directory}: it is not empty; choose another, or resume it with --resume {directory}."
-        )
+    if exact and not resume:
+        output.check_empty(directory)
     sources.check(config)
-    directory.mkdir(parents=True, exist_ok=True)
+    directory = directory if resume else output.claim(directory, exact=exact)
     with output.in_use(directory):
+        listener(Progress("preparing", 0, config.steps, 0.0, 0.0, 0.0, {}, directory))
         output.write_config(directory, config, devices)
         output.write_lanes(directory, plans.lanes)
         teachers = sources.load(config, directory, devices, listener=listener, stopped=stopped)
@@ -211,7 +213,8 @@ class _Run:
         lanes, train = len(self.plan.lanes), self.config.train
         rate = lanes * self.trained / self.seconds if self.seconds else 0.0
         updates = rate / (train.environments * train.update_every)
-        self.listener(Progress(phase, step, self.config.steps, self.seconds, rate, updates, self.latest))
+        told = Progress(phase, step, self.config.steps, self.seconds, rate, updates, self.latest, self.directory)
+        self.listener(told)
 
     def summarise(self, data: report.RunData) -> dict[str, Any]:
         """Writes summary.json and curves.png from the run's metrics."""
@@ -225,7 +228,7 @@ class _Run:
                 "environment_steps_per_second": round(rate),
                 "physics_steps_per_second": round(rate * SUBSTEPS),
                 "updates_per_second": round(rate / (self.config.train.environments * self.config.train.update_every)),
-                "peak_memory_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
+                "peak_memory_gib": machine.peak_memory_gib(),
             }
         }
         output.write_json(self.directory / "summary.json", summary)

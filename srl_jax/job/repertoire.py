@@ -2,7 +2,6 @@
 
 import dataclasses
 import platform
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from jax.sharding import NamedSharding
 from jax.sharding import PartitionSpec as P
 
+from srl_jax import machine
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
 from srl_jax.ite import archive as repertoire
@@ -21,7 +21,7 @@ from srl_jax.ite import walk as evaluate
 from srl_jax.ite.elites import CELLS, Archive
 from srl_jax.ite.settings import RepertoireSettings, check
 from srl_jax.job import repertoire_files as files
-from srl_jax.job.files import in_use, write_json
+from srl_jax.job.files import check_empty, claim, in_use, write_json, write_settings
 from srl_jax.job.repertoire_files import METRICS, Search
 from srl_jax.report import map as figure
 
@@ -36,6 +36,7 @@ class Status(NamedTuple):
     best: float  # m in 5 s
     rate: float  # evaluations per second in this process
     elapsed: float  # s of search
+    directory: Path  # where the files go
 
 
 Listener = Callable[[Status], None]
@@ -46,6 +47,7 @@ def run(
     directory: Path,
     devices: int,
     *,
+    exact: bool = True,
     resume: bool = False,
     listener: Listener = lambda status: None,
     stopped: Callable[[], bool] = lambda: False,
@@ -56,6 +58,7 @@ def run(
         settings: what to do.
         directory: where the files go; new, or of a search to resume.
         devices: over how many devices a batch is laid.
+        exact: the files go to `directory` or nowhere; otherwise a number is appended where the name is taken.
         resume: go on from the checkpoint in `directory`.
         listener: called after every generation.
         stopped: asked after every generation; once True, the search returns (it is saved already).
@@ -70,15 +73,15 @@ def run(
     damage = damages.build(damage_names.canonical(settings.damage))
     if settings.batch % devices:
         raise ValueError(f"batch is {settings.batch}: give a multiple of the {devices} devices.")
-    if not resume and directory.exists() and any(directory.iterdir()):
-        raise ValueError(f"out is {directory}: it is not empty; choose another, or go on with --resume {directory}.")
-    search = files.read_checkpoint(directory / "checkpoint.npz") if resume else None
-    search = search or Search(elites.empty(), np.zeros((0, len(METRICS))), 0.0)
-    directory.mkdir(parents=True, exist_ok=True)
+    if exact and not resume:
+        check_empty(directory)
+    directory = directory if resume else claim(directory, exact=exact)
     with in_use(directory):
-        files.write_config(directory, settings, devices)
+        search = files.read_checkpoint(directory / "checkpoint.npz") or files.beginning()
+        done = len(search.history) * settings.batch
+        write_settings(directory, {"repertoire": dataclasses.asdict(settings)}, devices, from_step=done)
         walker = _Walker(settings, damage, devices)
-        listener(status(search, settings, "compiling", 0.0))
+        listener(status(search, settings, "compiling", 0.0, directory))
         if not _search(search, settings, directory, walker, listener, stopped):
             return None
         return _finish(search, settings, directory, walker)
@@ -136,7 +139,7 @@ def _search(
         walker.evaluations += settings.batch
         files.write_checkpoint(directory / "checkpoint.npz", search)
         files.write_metrics(directory / "metrics.csv", search.history)
-        listener(status(search, settings, "searching", walker.rate))
+        listener(status(search, settings, "searching", walker.rate, directory))
     return True
 
 
@@ -149,39 +152,44 @@ def measure(archive: Archive, batch: elites.Batch, evaluations: int) -> np.ndarr
     return np.array([evaluations, len(found), best, mean, found.clip(min=0.0).sum(), killed])
 
 
-def status(search: Search, settings: RepertoireSettings, phase: str, rate: float) -> Status:
+def status(search: Search, settings: RepertoireSettings, phase: str, rate: float, directory: Path) -> Status:
     """What a display shows of a search."""
     row = search.history[-1] if len(search.history) else np.zeros(len(METRICS))
-    return Status(phase, int(row[0]), settings.evaluations, int(row[1]), float(row[2]), rate, search.seconds)
+    return Status(phase, int(row[0]), settings.evaluations, int(row[1]), float(row[2]), rate, search.seconds, directory)
 
 
 def _finish(search: Search, settings: RepertoireSettings, directory: Path, walker: _Walker) -> dict[str, Any]:
+    """Writes the map, its picture and the summary; returns the summary."""
+    results = found(search)
+    about = dataclasses.asdict(settings) | results | {"command": command(settings)}
+    repertoire.save(directory / "map.npz", search.archive, about)
+    figure.save_map(search.archive, search.history, directory / "map.png")
+    used = {
+        "machine": platform.machine(),
+        "device": jax.devices()[0].device_kind,
+        "devices": walker.devices,
+        "compile_seconds": round(walker.compile_seconds, 1),
+        "evaluations_per_second": round(results["evaluations"] / search.seconds, 1),
+        "peak_memory_gib": machine.peak_memory_gib(),
+    }
+    summary = results | {"settings": dataclasses.asdict(settings), "machine": used}
+    write_json(directory / "summary.json", summary)
+    return summary
+
+
+def found(search: Search) -> dict[str, Any]:
+    """What a search has come to; None for measures of a map in which no gait stays upright."""
     last = dict(zip(METRICS, search.history[-1].tolist(), strict=True))
-    results = {
+    return {
         "evaluations": int(last["evaluations"]),
         "filled": int(last["filled"]),
         "coverage": last["filled"] / CELLS,
         **{name: last[name] if np.isfinite(last[name]) else None for name in METRICS[2:5]},
         "seconds": round(search.seconds, 1),
     }
-    about = dataclasses.asdict(settings) | results | {"command": command(settings)}
-    repertoire.save(directory / "map.npz", search.archive, about)
-    figure.save_map(search.archive, search.history, directory / "map.png")
-    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    machine = {
-        "machine": platform.machine(),
-        "device": jax.devices()[0].device_kind,
-        "devices": walker.devices,
-        "compile_seconds": round(walker.compile_seconds, 1),
-        "evaluations_per_second": round(last["evaluations"] / search.seconds, 1),
-        "peak_memory_gib": round(usage / 2**20, 2),
-    }
-    summary = results | {"settings": dataclasses.asdict(settings), "machine": machine}
-    write_json(directory / "summary.json", summary)
-    return summary
 
 
 def command(settings: RepertoireSettings) -> str:
     """The command line that gives these settings."""
     words = [f"--{name.replace('_', '-')} {value}" for name, value in dataclasses.asdict(settings).items()]
-    return " ".join(["python -m srl_jax.repertoire", *words])
+    return " ".join(["srl-jax repertoire", *words])

@@ -1,10 +1,8 @@
-"""The files of a search for a repertoire: its settings, its checkpoint, its metrics."""
+"""The files of a search for a repertoire: its checkpoint and its metrics."""
 
 import csv
 import dataclasses
-import platform
 import zipfile
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +10,8 @@ import numpy as np
 from srl_jax.ite import archive as repertoire
 from srl_jax.ite import elites
 from srl_jax.ite.elites import Archive
-from srl_jax.ite.settings import RepertoireSettings
-from srl_jax.job.files import write_json
+from srl_jax.job.files import replaced
 
-PACKAGES = ("srl-jax", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
 METRICS = ("evaluations", "filled", "best_fitness", "mean_fitness", "qd_score", "killed")
 
 
@@ -28,21 +24,17 @@ class Search:
     seconds: float  # spent searching, earlier processes included
 
 
-def write_config(directory: Path, settings: RepertoireSettings, devices: int) -> None:
-    """config.json: the settings, with versions and the machine."""
-    versions = {name: metadata.version(name) for name in PACKAGES}
-    machine = {"python": platform.python_version(), "machine": platform.machine(), "devices": devices}
-    write_json(directory / "config.json", {"repertoire": dataclasses.asdict(settings), "versions": versions} | machine)
+def beginning() -> Search:
+    """A search that has not begun."""
+    return Search(elites.empty(), np.zeros((0, len(METRICS))), 0.0)
 
 
 def write_metrics(path: Path, history: np.ndarray) -> None:
     """metrics.csv: one row a generation; all of it or nothing."""
-    partial = path.with_suffix(".partial")
-    with partial.open("w", newline="") as file:
+    with replaced(path) as file:
         writer = csv.writer(file)
         writer.writerow(METRICS)
         writer.writerows([f"{value:.7g}" for value in row] for row in history)
-    partial.replace(path)
 
 
 def write_checkpoint(path: Path, search: Search) -> None:

@@ -1,35 +1,37 @@
 """What a person sees of a run: a bar on a terminal, lines in a file, a table at the end."""
 
+import dataclasses
 import io
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from srl_jax.cli.progress import Display
+from srl_jax.cli.progress import Display, peak
 from srl_jax.job.loop import Progress
 
+HERE = Path("runs/here-2")
 STATES = [
-    Progress("preparing", 0, 2000, 0.0, 0.0, 0.0, {}),
-    Progress("training", 1000, 2000, 2.0, 5000.0, 250.0, {"srl": {"success": 0.5, "return": 12.0}}),
-    Progress("training", 2000, 2000, 4.0, 5000.0, 250.0, {"srl": {"success": 0.75, "return": 20.0}}),
+    Progress("preparing", 0, 2000, 0.0, 0.0, 0.0, {}, HERE),
+    Progress("training", 1000, 2000, 2.0, 5000.0, 250.0, {"srl": {"success": 0.5, "return": 12.0}}, HERE),
+    Progress("training", 2000, 2000, 4.0, 5000.0, 250.0, {"srl": {"success": 0.75, "return": 20.0}}, HERE),
 ]
 
 
 @pytest.mark.parametrize("terminal", [True, False])
 def test_rates_and_the_latest_evaluation_are_shown(terminal):
     console = Console(file=io.StringIO(), force_terminal=terminal, color_system=None, width=160)
-    with Display(Path("runs/here"), console) as display:
+    with Display(console) as display:
         for state in STATES:
             display.update(state)
     printed = console.file.getvalue()
-    for part in ("runs/here", "training", "5,000 env steps/s", "250 updates/s", "srl 0.75 (return 20.0)"):
+    for part in ("runs/here-2", "training", "5,000 env steps/s", "250 updates/s", "srl 0.75 (return 20.0)"):
         assert part in printed
 
 
 def test_a_file_gets_one_line_for_each_evaluation():
     console = Console(file=io.StringIO(), force_terminal=False, width=160)
-    with Display(Path("x"), console) as display:
+    with Display(console) as display:
         for state in [STATES[1]] * 5 + [STATES[2]] * 5:
             display.update(state)
     assert console.file.getvalue().count("training") == 2
@@ -37,6 +39,19 @@ def test_a_file_gets_one_line_for_each_evaluation():
 
 def test_nothing_is_announced_that_was_refused():
     console = Console(file=io.StringIO(), force_terminal=False, width=160)
-    with pytest.raises(ValueError), Display(Path("x"), console):
+    with pytest.raises(ValueError), Display(console):
         raise ValueError
     assert console.file.getvalue() == ""
+
+
+def test_a_job_inside_a_job_does_not_rename_its_directory():
+    console = Console(file=io.StringIO(), force_terminal=False, width=160)
+    with Display(console) as display:
+        display.update(STATES[0])
+        display.update(dataclasses.replace(STATES[1], directory=HERE / "behaviour"))
+    assert display.directory == HERE and "behaviour" not in console.file.getvalue()
+
+
+@pytest.mark.parametrize(("used", "said"), [(1.25, ", peak 1.25 GiB"), (None, "")])
+def test_memory_is_told_where_it_is_known(used, said):
+    assert peak({"peak_memory_gib": used}) == said

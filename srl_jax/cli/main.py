@@ -1,0 +1,38 @@
+"""The one command, ``srl-jax VERB``: which verbs there are, and where each lies.
+
+Only the verb that is asked for is imported, so that the list answers at once.
+"""
+
+import sys
+from importlib import import_module
+
+from srl_jax.cli.ending import leave
+
+VERBS = {
+    "run": ("train on damaged robots: every seed and every damage in one program", "srl_jax.cli.run:main"),
+    "repertoire": ("fill a map of gaits by MAP-Elites, before any damage", "srl_jax.cli.repertoire:main"),
+}  # name: (what it does, the function that is given its arguments)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Hands the arguments after the verb to it; lists the verbs without one. Exits as `leave` says."""
+    leave(_main, sys.argv[1:] if argv is None else argv)
+
+
+def _main(argv: list[str]) -> int:
+    verb, *rest = argv or ["--help"]
+    if verb in ("-h", "--help"):
+        print(overview())
+        return 0
+    if verb not in VERBS:
+        raise ValueError(f"srl-jax has no verb {verb!r}: choose from {', '.join(VERBS)}.")
+    module, function = VERBS[verb][1].split(":")
+    getattr(import_module(module), function)(rest)
+    return 0
+
+
+def overview() -> str:
+    """The verbs, with a sentence each."""
+    width = max(map(len, VERBS))
+    lines = [f"  {name:<{width}}  {sentence}" for name, (sentence, _) in VERBS.items()]
+    return "\n".join(["usage: srl-jax VERB [OPTIONS]", "", *lines, "", "srl-jax VERB --help lists a verb's options."])
