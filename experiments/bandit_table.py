@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from srl_jax.bayes import quadrature
-from srl_jax.report.curves import PALETTE, STYLE
+from srl_jax.report.style import PALETTE, STYLE
 
 ESTIMATORS = {
     "Monte-Carlo": quadrature.monte_carlo,

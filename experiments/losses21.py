@@ -31,7 +31,7 @@ from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.model import LEGS
 from srl_jax.ite import archive as repertoire
 from srl_jax.job import files as output
-from srl_jax.report.curves import FIXED, PALETTE, STYLE
+from srl_jax.report.style import FIXED, PALETTE, STYLE
 
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"

@@ -23,7 +23,7 @@ from rich.table import Table
 
 from experiments.bandit_table import ESTIMATORS
 from srl_jax.bayes import gptd
-from srl_jax.report.curves import PALETTE, STYLE
+from srl_jax.report.style import PALETTE, STYLE
 
 STEPS, START, START_VARIANCE, DRIFT_VARIANCE = 20, 0.3, 1e-3, 1e-2
 POLICY = jnp.array([-0.2, 0.0])  # gain and log-scale

@@ -23,7 +23,7 @@ from rich.table import Table
 from srl_jax.agents.networks import Critic
 from srl_jax.bayes import dropout
 from srl_jax.bayes.calibration import coverage, spread
-from srl_jax.report.curves import PALETTE, STYLE
+from srl_jax.report.style import PALETTE, STYLE
 from srl_jax.statistics import stratified_interval
 
 FEATURES, POINTS, LENGTH, NOISE, MASKS = 100, 40, 0.5, 0.1, 50  # the functions have standard deviation 1

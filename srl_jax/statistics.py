@@ -66,9 +66,13 @@ def _ends(samples: FloatArray, confidence: float) -> Interval:
 
 def _resampled_seeds(shape: tuple[int, int], resamples: int, seed: int) -> NDArray[np.int64]:
     # [resamples, seeds, conditions]: which seed stands in each place, drawn anew for every condition.
+    return _generator(resamples, seed).integers(shape[0], size=(resamples, *shape))
+
+
+def _generator(resamples: int, seed: int) -> np.random.Generator:
     if resamples < 1:
         raise ValueError(f"resamples is {resamples}; at least one is needed.")
-    return np.random.default_rng(seed).integers(shape[0], size=(resamples, *shape))
+    return np.random.default_rng(seed)
 
 
 @overload
@@ -159,11 +163,12 @@ def probability_of_improvement(
         raise ValueError(f"x has {x.shape[1]} conditions and y has {y.shape[1]}; both need the same ones.")
     left, right = x.T[:, :, None], y.T[:, None, :]
     wins = (left > right) + 0.5 * (left == right)  # [C, Sx, Sy]
-    rng = np.random.default_rng(seed)
-    shares = []  # how often each seed was drawn, as a fraction: [resamples, C, S]
+    rng = _generator(resamples, seed)
+    shares = []  # how often each seed was drawn, as a fraction: [C, resamples, S]
     for seeds in (len(x), len(y)):
-        shares.append(rng.multinomial(seeds, np.full(seeds, 1 / seeds), (resamples, len(wins))) / seeds)
-    drawn = (np.einsum("rci,cij->rcj", shares[0], wins) * shares[1]).sum(-1).mean(-1)
+        drawn = rng.multinomial(seeds, np.full(seeds, 1 / seeds), (resamples, len(wins)))
+        shares.append(drawn.swapaxes(0, 1) / seeds)
+    drawn = ((shares[0] @ wins) * shares[1]).sum(-1).mean(0)
     return Estimate(float(wins.mean()), *_ends(drawn, confidence))
 
 
@@ -213,20 +218,23 @@ def area_under_curve(steps: ArrayLike, values: ArrayLike) -> FloatArray:
     return np.asarray(np.trapezoid(values, steps, axis=0)) / (steps[-1] - steps[0])
 
 
-def steps_to_threshold(steps: ArrayLike, values: ArrayLike, threshold: float) -> FloatArray:
+def steps_to_threshold(steps: ArrayLike, values: ArrayLike, threshold: ArrayLike) -> FloatArray:
     """First evaluation step at which a curve is at or above a threshold; inf where it never is.
 
     Args:
         steps: [T], strictly increasing.
         values: [T, ...].
-        threshold: in the unit of the values.
+        threshold: one for all, or [...] one for each curve, in the unit of the values; inf is never reached.
 
     Returns:
         [...] steps, one of the given ones or inf.
 
     Raises:
-        ValueError: a value or the threshold is NaN, or the steps do not match or increase.
+        ValueError: a value or a threshold is NaN, the steps do not match or increase, or the thresholds do not match.
     """
     steps, values = _checked_series(steps, values)
-    reached = values >= float(_checked(threshold, "threshold"))
+    limit = _checked(threshold, "threshold")
+    if limit.ndim and limit.shape != values.shape[1:]:
+        raise ValueError(f"threshold has shape {limit.shape}; one number or {values.shape[1:]} is accepted.")
+    reached = (values >= limit) & np.isfinite(limit)
     return np.where(reached.any(axis=0), steps[reached.argmax(axis=0)], np.inf)

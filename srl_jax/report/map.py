@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from srl_jax.ite.elites import BINS, CELLS, Archive
-from srl_jax.report.curves import STYLE
+from srl_jax.report.style import STYLE
 
 SIDE = BINS**3
 

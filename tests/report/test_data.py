@@ -1,102 +1,84 @@
-"""The report of a synthetic run gives back what was put in."""
+"""A run's directory is read as it was written, and a failed evaluation is worth what the lane alone decides."""
 
-import csv
 import json
 
-import matplotlib.image
 import numpy as np
 import pytest
 
-from srl_jax.report import data as report
-
-DAMAGES, SEEDS, STEPS = ("leg 0", "leg 1", "leg 2"), (3, 4, 5, 6), (0, 100, 200, 300)
-METHODS = {("ddpg", ""): 0.2, ("srl", ""): 0.6, ("srl", "dropout=0.03"): 0.6}
-
-
-def table(path, header, rows):
-    with path.open("w", newline="") as file:
-        csv.writer(file).writerows([header.split(), *rows])
-
-
-def write(path, *, methods=METHODS, seeds=SEEDS, damages=DAMAGES, task="p2p", edit=lambda rows: rows):
-    """Lanes climb by `height` t / 3 plus .01 per seed: success; return is 100 and distance 2 times that."""
-    keys = [(*method, seed, damage) for method in methods for seed in seeds for damage in damages]
-    rows = []
-    for lane, (algo, variant, seed, damage) in enumerate(keys):
-        for t, step in enumerate(STEPS):
-            success = METHODS[algo, variant] * t / 3 + 0.01 * seed
-            values = {"success": success, "return": 100 * success, "distance": 2 * success, "fell": 0.25}
-            rows += [(step, lane, f"eval/{name}", value) for name, value in values.items()]
-            rows.append((step, lane, "train/chosen_teacher", 0.5))
-        frozen = {"success": 0.1 + 0.1 * damages.index(damage), "return": 12.0, "distance": 0.4}
-        rows += [(0, lane, f"teacher/{name}", value) for name, value in frozen.items()]
-        rows += [(0, lane, f"healthy/{name}", x) for name, x in zip(frozen, (0.9, 49.5, 1.6), strict=True)]
-    lanes = [(i, a, s, task, d, v) for i, (a, v, s, d) in enumerate(keys)]
-    table(path / "lanes.csv", "lane algo seed task damage variant", lanes)
-    table(path / "metrics.csv", "step lane metric value", edit(rows))
-    (path / "config.json").write_text(json.dumps({"task": task}))
-    return path
+from srl_jax.report import files
+from srl_jax.report.data import Group, read_metrics
+from tests.report.runs import CONFIG, DAMAGES, SEEDS, STEPS, failing, scaled, table, write
 
 
 def test_series_keep_every_lane_apart(tmp_path):
-    run = report.read_metrics(write(tmp_path))
+    run = read_metrics(write(tmp_path))
     steps, values, seeds, conditions = run.series("eval/return", "srl", "dropout=0.03")
     assert (run.task, run.config["task"], seeds, conditions) == ("p2p", "p2p", list(SEEDS), list(DAMAGES))
     np.testing.assert_array_equal(steps, STEPS)
     expected = 100 * (0.6 * np.arange(4)[:, None, None] / 3 + 0.01 * np.array(SEEDS)[:, None])
     np.testing.assert_allclose(values, np.broadcast_to(expected, (4, 4, 3)))
     assert [group.label for group in run.groups] == ["ddpg", "srl", "srl dropout=0.03"]
-    assert run.finish == pytest.approx(0.9 * 49.5)
 
 
-def test_summary_holds_what_was_put_in(tmp_path):
-    summary = report.summarise(report.read_metrics(write(tmp_path)))
-    json.dumps(summary, allow_nan=False)
-    assert summary["healthy"] == pytest.approx({"return": 49.5, "success": 0.9, "distance": 1.6})
-    assert (summary["task"], summary["steps"], summary["nonfinite_lanes"]) == ("p2p", 300, [])
-    srl, ddpg = summary["methods"]["srl"], summary["methods"]["ddpg"]
-    end = 0.5 + 0.045  # mean of .4 and .6, and the seeds' mean offset
-    assert srl["overall"]["success"]["iqm"] == pytest.approx(end)
-    assert srl["overall"]["return"]["iqm"] == pytest.approx(100 * end)
-    assert srl["overall"]["retained"]["iqm"] == pytest.approx(2 * end / 1.6)
-    assert srl["overall"]["retained_own"]["iqm"] == pytest.approx(2 * end / 1.6)
-    assert srl["overall"]["area_success"]["iqm"] == pytest.approx(0.3 + 0.045)
-    assert srl["overall"]["area_return"]["iqm"] == pytest.approx(30 + 4.5)
-    assert srl["overall"]["fell"] == {"iqm": 0.25, "low": 0.25, "high": 0.25}
-    assert srl["overall"]["teacher_success"]["iqm"] == pytest.approx(0.2)
-    assert srl["conditions"]["leg 2"]["teacher_success"]["iqm"] == pytest.approx(0.3)
-    # Seeds 5 and 6 reach 44.55 at step 200 (with 45 and 46), seeds 3 and 4 only at 300.
-    assert srl["overall"]["steps_to_finish"]["iqm"] == pytest.approx(250)
-    assert srl["overall"]["reached_finish"] == {"mean": 1.0, "low": 1.0, "high": 1.0}
-    assert ddpg["overall"]["steps_to_finish"] == {"iqm": None, "low": None, "high": None}
-    assert ddpg["overall"]["reached_finish"]["mean"] == 0.0
-    low, high = (srl["overall"]["success"][key] for key in ("low", "high"))
-    assert end - 0.015 < low < end < high < end + 0.015
+def test_lanes_in_any_order_and_number_keep_their_values(tmp_path):
+    plain = read_metrics(write(tmp_path / "plain")).series("eval/distance", "srl")
+    write(tmp_path / "mixed", first=700, edit=lambda rows: rows[::-1])
+    header, *lanes = (tmp_path / "mixed" / "lanes.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "mixed" / "lanes.csv").write_text("".join([header, *lanes[::-1]]))
+    mixed = read_metrics(tmp_path / "mixed").series("eval/distance", "srl")
+    assert (mixed.seeds, mixed.conditions) == (list(SEEDS), list(DAMAGES[::-1]))
+    np.testing.assert_array_equal(mixed.values[:, :, ::-1], plain.values)
 
 
-def test_improvement_covers_every_ordered_pair(tmp_path):
-    summary = report.summarise(report.read_metrics(write(tmp_path)), resamples=200)
-    pairs = {(x["x"], x["y"], x["score"]): x for x in summary["improvement"]}
-    assert len(pairs) == len(summary["improvement"]) == 3 * 2 * 2
-    assert pairs["srl", "ddpg", "area_success"]["probability"] == 1.0
-    assert pairs["ddpg", "srl", "area_return"]["high"] == 0.0
-    assert pairs["srl", "srl dropout=0.03", "area_success"]["probability"] == pytest.approx(0.5)
+def test_a_long_file_is_read_in_parts(tmp_path, monkeypatch):
+    whole = read_metrics(write(tmp_path))
+    monkeypatch.setattr(files, "ROWS_AT_ONCE", 7)
+    parts = read_metrics(tmp_path)
+    assert list(parts.metrics) == list(whole.metrics)
+    for name, rows in whole.metrics.items():
+        for one, other in zip(rows, parts.metrics[name], strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
-def test_diverged_lane_counts_as_failed_and_is_listed(tmp_path):
-    def diverge(rows):
-        return [(s, i, m, float("nan") if i == 13 and s >= 200 else x) for s, i, m, x in rows]
+def test_every_lane_has_its_own_threshold(tmp_path):
+    run = read_metrics(write(tmp_path, edit=scaled({0: {"healthy/return": 2.0}, 1: {"healthy/return": -1.0}})))
+    assert run.thresholds[0] == pytest.approx(0.9 * 99)
+    assert np.isnan(run.thresholds[1])
+    np.testing.assert_allclose(run.thresholds[2:], 0.9 * 49.5)
+    assert run.finish == pytest.approx(np.nanmean(run.thresholds))
 
-    run = report.read_metrics(write(tmp_path, edit=diverge))
-    summary = report.summarise(run, resamples=200)
-    json.dumps(summary, allow_nan=False)
-    (lane,) = summary["nonfinite_lanes"]
-    assert (lane["lane"], lane["algo"], lane["damage"], lane["step"]) == (13, "srl", "leg 1", 200)
+
+def test_episodes_of_an_evaluation(tmp_path):
+    assert read_metrics(write(tmp_path)).episodes == 10
+    old = {key: value for key, value in CONFIG.items() if key != "evaluation"}
+    assert read_metrics(write(tmp_path, config=old)).episodes == 4
+
+
+def test_a_failed_evaluation_is_worth_what_the_lane_decides(tmp_path):
+    def below(rows):
+        rows = failing({13}, since=200)(rows)
+        return [(s, i, m, -7.0 if (s, i, m) == (100, 13, "eval/return") else x) for s, i, m, x in rows]
+
+    run = read_metrics(write(tmp_path, edit=below))
     assert np.isnan(run.series("eval/success", "srl").values[2:, 0, 1]).all()
-    scores = run.scores("eval/success", report.Group("srl", ""))
-    assert scores is not None
-    np.testing.assert_allclose(scores.values[2:, 0, 1], 0.03)  # the lowest success of any lane
-    assert summary["methods"]["srl"]["overall"]["reached_finish"]["mean"] == pytest.approx(11 / 12)
+    expected = {"success": 0.0, "fell": 1.0, "distance": 0.0, "return": -7.0}
+    for name, value in expected.items():
+        scores = run.scores(f"eval/{name}", Group("srl", ""))
+        assert scores is not None
+        np.testing.assert_array_equal(scores.values[2:, 0, 1], value)
+        assert np.isfinite(scores.values).all()
+    positive = read_metrics(write(tmp_path, edit=failing({13}, since=200))).scores("eval/return", Group("srl", ""))
+    assert positive is not None
+    np.testing.assert_array_equal(positive.values[2:, 0, 1], 0.0)
+    never = read_metrics(write(tmp_path, edit=failing({13}))).scores("eval/return", Group("srl", ""))
+    assert never is not None
+    np.testing.assert_array_equal(never.values[:, 0, 1], 0.0)
+
+
+def test_last_values_by_lane(tmp_path):
+    last = read_metrics(write(tmp_path, first=40, edit=failing({41}, since=300))).last("eval/return")
+    assert sorted(last) == list(range(40, 76))
+    assert last[40] == pytest.approx(23.0) and np.isnan(last[41])
 
 
 def test_run_that_was_cut_off_or_resumed_is_read(tmp_path):
@@ -106,53 +88,49 @@ def test_run_that_was_cut_off_or_resumed_is_read(tmp_path):
 
     write(tmp_path, edit=cut)
     with (tmp_path / "metrics.csv").open("a") as file:
-        file.write("300,35,eval/suc")
-    run = report.read_metrics(tmp_path)
+        file.write("300,35,eval/success,0.6")
+    run = read_metrics(tmp_path)
     assert run.series("eval/success", "srl", "dropout=0.03").steps.tolist() == [0, 100, 200]
+    assert run.series("eval/success", "ddpg").steps.tolist() == [0, 100, 200, 300]
     assert run.series("eval/success", "ddpg").values[1, 0, 0] == 0.77
 
 
 def test_errors_name_what_is_wrong(tmp_path):
     with pytest.raises(ValueError, match=r"no lanes\.csv"):
-        report.read_metrics(tmp_path)
-    run = report.read_metrics(write(tmp_path, edit=lambda rows: [r for r in rows if r[:2] != (100, 2)]))
-    with pytest.raises(ValueError, match="lane 2 at step 100"):
+        read_metrics(tmp_path)
+    run = read_metrics(write(tmp_path, edit=lambda rows: [r for r in rows if r[:2] not in ((100, 2), (200, 4))]))
+    with pytest.raises(ValueError, match="for lane 2 at step 100 and 1 more"):
         run.series("eval/return", "ddpg")
-    with pytest.raises(ValueError, match="any lane"):
-        run.series("eval/speed", "srl")
+    for metric, algo in (("eval/speed", "srl"), ("eval/return", "sarsa")):
+        with pytest.raises(ValueError, match=f"'{algo}' has no rows of '{metric}' for any lane"):
+            run.series(metric, algo)
     with pytest.raises(ValueError, match="task is 'x'; this run holds p2p"):
-        report.read_metrics(tmp_path, task="x")
+        read_metrics(tmp_path, task="x")
+
+
+def test_files_that_are_not_a_runs_are_named(tmp_path):
+    write(tmp_path)
+    with (tmp_path / "metrics.csv").open("a") as file:
+        file.write("300,35\n")
+    with pytest.raises(ValueError, match=r"metrics\.csv, line \d+, has fewer columns"):
+        read_metrics(tmp_path)
     table(tmp_path / "metrics.csv", "step lane value", [])
     with pytest.raises(ValueError, match=r"metrics\.csv lacks column metric"):
-        report.read_metrics(tmp_path)
-    run.lanes.pop()
+        read_metrics(tmp_path)
+    text = (tmp_path / "lanes.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "lanes.csv").write_text("".join(text[:-1]))
+    table(tmp_path / "metrics.csv", "step lane metric value", [])
     with pytest.raises(ValueError, match="do not fill its seeds x damages"):
-        run.series("eval/return", "srl", "dropout=0.03")
+        read_metrics(tmp_path).series("eval/return", "srl", "dropout=0.03")
 
 
-def test_run_without_behaviour_policy_leaves_its_numbers_out(tmp_path):
-    write(tmp_path, edit=lambda rows: [r for r in rows if not r[2].startswith(("teacher/", "healthy/"))])
-    summary = report.summarise(report.read_metrics(tmp_path), resamples=50)
-    assert summary["finish"] is None
-    assert "retained" not in summary["methods"]["srl"]["overall"]
-    assert report.format_table(summary)[2][4:] == ["-", "-"]
-
-
-def test_table_reads_like_a_paper(tmp_path):
-    header, ddpg, srl, _ = report.format_table(report.summarise(report.read_metrics(write(tmp_path))))
-    assert header == ["method", "success", "return", "area", "retained", "steps to finish"]
-    assert ddpg[0] == "ddpg" and ddpg[-1] == "never"
-    assert srl[1].startswith(".55 [.5") or srl[1].startswith(".54 [.5")
-    assert srl[2].startswith("54.5 [5") and srl[3].startswith((".34 [.3", ".35 [.3")) and srl[5].startswith("250 [")
-
-
-@pytest.mark.parametrize("task", ["p2p", "x"])
-@pytest.mark.parametrize(("seeds", "damages"), [(SEEDS, DAMAGES), (SEEDS[:1], DAMAGES[:1])])
-def test_curves_are_drawn(tmp_path, task, seeds, damages):
-    methods = METHODS if len(seeds) > 1 else [("srl", "")]
-    run = report.read_metrics(write(tmp_path, methods=methods, task=task, seeds=seeds, damages=damages))
-    report.save_curves(run, tmp_path / "curves.png")
-    image = matplotlib.image.imread(tmp_path / "curves.png")
-    assert image.shape[0] > 600 and image.shape[1] > 1500
-    blue = np.abs(image[..., :3] - np.array([0x00, 0x72, 0xB2]) / 255).max(axis=-1) < 0.02
-    assert blue.sum() > 500
+def test_a_run_of_two_tasks_is_read_one_at_a_time(tmp_path):
+    write(tmp_path)
+    lanes = (tmp_path / "lanes.csv").read_text()
+    (tmp_path / "lanes.csv").write_text(lanes.replace("ddpg,3,p2p", "ddpg,3,x"))
+    with pytest.raises(ValueError, match="task is None; this run holds x, p2p: name one"):
+        read_metrics(tmp_path)
+    run = read_metrics(tmp_path, task="x")
+    assert [lane["lane"] for lane in run.lanes] == [0, 1, 2]
+    assert run.series("eval/success", "ddpg").values.shape == (4, 1, 3)
+    json.dumps(run.last("eval/success"))
