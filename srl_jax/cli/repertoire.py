@@ -26,7 +26,7 @@ class Arguments(RepertoireSettings):
     resume: str = ""
     """Directory of a search to go on with; its settings are kept, but for more evaluations."""
     devices: str = "auto"
-    """Devices a batch is laid over: auto (one per core, or all accelerators) or a number."""
+    """Devices a batch is laid over: auto (one per core, or all accelerators, as far as they divide it) or a number."""
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -37,6 +37,8 @@ def main(argv: list[str] | None = None) -> None:
 def _main(argv: list[str]) -> int:
     arguments, settings = parse(argv)
     devices = use_devices(arguments.devices, settings.batch)
+    if arguments.devices == "auto":
+        devices = max(count for count in range(1, devices + 1) if settings.batch % count == 0)
 
     from srl_jax.cli.repertoire_progress import SearchDisplay
     from srl_jax.job import repertoire as search  # jax is imported here, after the devices are known

@@ -1,8 +1,6 @@
-"""A search over a toy, and its files: it goes on to the same map however it ended; bad input is one sentence."""
+"""A search over a toy, and its files: it goes on to the same map however it ended."""
 
 import csv
-import importlib.util
-import io
 import json
 import signal
 import subprocess
@@ -12,10 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from srl_jax.cli import repertoire as cli
-from srl_jax.cli.repertoire_progress import SearchDisplay
 from srl_jax.ite import archive as repertoire
 from srl_jax.ite import elites
 from srl_jax.ite import walk as evaluate
@@ -24,8 +19,10 @@ from srl_jax.job import files as output
 from srl_jax.job import repertoire as search
 from srl_jax.job import repertoire_files as files
 from srl_jax.report import map as figure
+from tests.job import toy_repertoire
+from tests.job.toy_repertoire import make
 
-TOY = Path(__file__).with_name("toy_repertoire.py")
+TOY = Path(toy_repertoire.__file__)
 GENERATIONS = 100
 SETTINGS = RepertoireSettings(evaluations=16 * GENERATIONS, batch=16)
 OPTIONS = ["--evaluations", str(SETTINGS.evaluations), "--batch", "16", "--devices", "2"]
@@ -35,13 +32,9 @@ FILES = {"config.json", "checkpoint.npz", "metrics.csv", "map.npz", "map.png", "
 @pytest.fixture(scope="module")
 def toy():
     """No physics in this process either."""
-    spec = importlib.util.spec_from_file_location("toy_repertoire", TOY)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluate, "make", module.make)
-        yield module
+        patch.setattr(evaluate, "make", make)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -94,38 +87,20 @@ def test_a_killed_search_resumes_to_the_same_map(finished, tmp_path):
     assert results(directory) == results(finished[0])
 
 
-class Signalled:
-    """A signal that comes during the third generation."""
-
-    number = signal.SIGTERM
-
-    def __init__(self):
-        self.asked = 0
-
-    def requested(self):
-        self.asked += 1
-        return self.asked > 3
-
-
-def test_a_terminated_search_says_how_to_go_on(finished, capsys, monkeypatch, tmp_path):
-    directory = tmp_path / "terminated"
-    monkeypatch.setattr(cli.run, "use_devices", lambda wanted: 2)
-    monkeypatch.setattr(cli.run, "StopSignals", Signalled)
-    with pytest.raises(SystemExit) as caught:
-        cli.main([*OPTIONS, "--out", str(directory)])
-    assert caught.value.code == 128 + signal.SIGTERM
-    assert f"--resume {directory}" in capsys.readouterr().out
-    assert len(files.read_checkpoint(directory / "checkpoint.npz").history) == 3
-    search.run(SETTINGS, directory, 2, resume=True)
-    assert results(directory) == results(finished[0])
+def test_a_stopped_search_goes_on_to_the_same_map(finished, tmp_path):
+    asked = iter([False] * 3 + [True])
+    assert search.run(SETTINGS, tmp_path / "run", 2, stopped=lambda: next(asked)) is None
+    assert len(files.read_checkpoint(tmp_path / "run" / "checkpoint.npz").history) == 3
+    search.run(SETTINGS, tmp_path / "run", 1, resume=True)
+    assert results(tmp_path / "run") == results(finished[0])
+    parts = output.read_parts(tmp_path / "run")
+    assert [(part["devices"], part["from_step"]) for part in parts] == [(2, 0), (1, 48)]
 
 
 def test_a_finished_search_may_be_given_more_evaluations(toy, finished, tmp_path):
     first = RepertoireSettings(evaluations=16 * 40, batch=16)
     search.run(first, tmp_path / "run", 2)
-    arguments, more = cli.parse(["--resume", str(tmp_path / "run"), "--evaluations", str(SETTINGS.evaluations)])
-    assert more == SETTINGS and arguments.resume
-    search.run(more, tmp_path / "run", 2, resume=True)
+    search.run(SETTINGS, tmp_path / "run", 2, resume=True)
     assert results(tmp_path / "run") == results(finished[0])
     assert repertoire.load(tmp_path / "run" / "map.npz").about["evaluations"] == SETTINGS.evaluations
 
@@ -148,59 +123,25 @@ def wait_for(condition, process, seconds=120):
 # What is refused
 
 
-def sentence(capsys, monkeypatch, *arguments):
-    """The one line on stderr of a command that is refused."""
-    monkeypatch.setattr(cli.run, "use_devices", lambda wanted: 2)
-    with pytest.raises(SystemExit) as caught:
-        cli.main(list(arguments))
-    assert caught.value.code == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
+def test_another_search_in_the_directory(finished, toy):
+    with output.in_use(finished[0]), pytest.raises(ValueError, match="in use by another job"):
+        search.run(SETTINGS, finished[0], 2, resume=True)
+    with pytest.raises(ValueError, match="is not empty"):
+        search.run(SETTINGS, finished[0], 2)
 
 
-REFUSED = [
-    (["--evaluations", "0"], "evaluations is 0"),
-    (["--batch", "-4"], "batch is -4"),
-    (["--batch", "33"], "batch is 33"),
-    (["--seed", "-1"], "seed is -1"),
-    (["--damage", "leg_zz"], "leg_zz"),
-    (["--clock-hz", "0"], "clock_hz is 0.0"),
-    (["--clock-hz", "nan"], "clock_hz is nan"),
-]
+def test_searches_of_one_second_get_directories_of_their_own(toy, tmp_path):
+    small, told = RepertoireSettings(evaluations=16, batch=16), []
+    for _ in range(2):
+        search.run(small, tmp_path / "run", 2, exact=False, listener=lambda status: told.append(status.directory))
+    assert list(dict.fromkeys(told)) == [tmp_path / "run", tmp_path / "run-2"]
+    assert all((directory / "map.npz").exists() for directory in told)
 
 
-@pytest.mark.parametrize("arguments, message", REFUSED)
-def test_refused_before_anything_is_written(arguments, message, capsys, monkeypatch, tmp_path):
-    out = tmp_path / "out"
-    assert message in sentence(capsys, monkeypatch, *arguments, "--out", str(out))
-    assert not out.exists()
-
-
-def test_directories_that_cannot_be_used_are_refused(finished, capsys, monkeypatch, tmp_path):
-    whole = str(finished[0])
-    assert "is not empty" in sentence(capsys, monkeypatch, "--out", whole)
-    assert "no config.json" in sentence(capsys, monkeypatch, "--resume", str(tmp_path))
-    line = sentence(capsys, monkeypatch, "--resume", whole, "--seed", "3", "--damage", "leg_rm")
-    assert "seed" in line and "damage" in line
-    assert "evaluations is 16" in sentence(capsys, monkeypatch, "--resume", whole, "--evaluations", "16")
-    with output.in_use(finished[0]):
-        assert "in use" in sentence(capsys, monkeypatch, "--resume", whole)
-
-
-def test_a_truncated_checkpoint_is_one_sentence(finished, capsys, monkeypatch, tmp_path):
-    for name in ("config.json", "checkpoint.npz"):
-        content = (finished[0] / name).read_bytes()
-        (tmp_path / name).write_bytes(content if name == "config.json" else content[: len(content) // 2])
-    assert "cannot be read" in sentence(capsys, monkeypatch, "--resume", str(tmp_path))
-
-
-def test_a_full_disk_is_one_sentence(toy, capsys, monkeypatch, tmp_path):
-    def full(*_):
-        raise OSError(28, "No space left on device", str(tmp_path / "out" / "checkpoint.npz"))
-
-    monkeypatch.setattr(files, "write_checkpoint", full)
-    assert "No space left" in sentence(capsys, monkeypatch, *OPTIONS, "--out", str(tmp_path / "out"))
+def test_a_batch_that_does_not_divide(tmp_path):
+    with pytest.raises(ValueError, match="batch is 33: give a multiple of the 2 devices"):
+        search.run(RepertoireSettings(batch=33), tmp_path / "run", 2)
+    assert not (tmp_path / "run").exists()
 
 
 def test_files_that_are_no_repertoire_are_refused(finished, tmp_path):
@@ -221,34 +162,7 @@ def test_files_that_are_no_repertoire_are_refused(finished, tmp_path):
         repertoire.load(tmp_path / "bad.npz")
 
 
-def test_help_answers_without_jax():
-    code = """
-import sys
-from srl_jax.cli import repertoire
-try:
-    repertoire.main(["--help"])
-except SystemExit:
-    assert "jax" not in sys.modules
-"""
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "--evaluations" in printed and "--damage" in printed
-
-
-# What is shown
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_progress_shows_cells_and_speed(terminal):
-    console = Console(file=io.StringIO(), force_terminal=terminal, color_system=None, width=160)
-    with SearchDisplay(Path("runs/here"), console) as display:
-        display.show(search.Status("compiling", 0, 4096, 0, 0.0, 0.0, 0.0))
-        for second in range(20):
-            display.show(search.Status("searching", 1024, 4096, 810, 1.5, 50.0, float(second)))
-        display.show(search.Status("searching", 4096, 4096, 2000, 2.0, 50.0, 21.0))
-    printed = console.file.getvalue()
-    for part in ("runs/here", "50 gaits/s", "2,000 cells", "best 0.400 m/s"):
-        assert part in printed
-    assert terminal or printed.count("searching") == 2
+# What is drawn
 
 
 def test_the_picture_shows_every_cell_once():
