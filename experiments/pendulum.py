@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from srl_jax.agents import ddpg, hyper, srl
+from srl_jax.agents import hyper, noise, registry
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import controller
 from srl_jax.program import replay
@@ -48,13 +48,14 @@ def episode_return(policy, key: jax.Array) -> jax.Array:
 
 def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
     """Trains one seed, one update a step, and returns what the student alone earns: f32[]."""
-    agent: Any = srl if isinstance(config, SRLConfig) else ddpg
-    settings: Any = dict(config=config, hyper=hyper.from_config(config), teachers=(swing_up,))
+    agent = registry.agent(config)
+    assert agent.update is not None
+    settings: Any = dict(hyper=hyper.from_config(config), teachers=(swing_up,))
     init_key, run_key, test_key = jax.random.split(jax.random.key(seed), 3)
-    start = ActState(jnp.zeros(1), controller.init())
 
     def advance(carry, t: jax.Array):
-        (learner, memory, *now), keys = carry, jax.random.split(jax.random.fold_in(run_key, t), 4)
+        (learner, memory, *now), keys = carry, jax.random.split(jax.random.fold_in(run_key, t), 5)
+        start = ActState(noise.start(keys[4], 1), controller.init())
         acting, state = jax.tree.map(partial(jnp.where, t % EPISODE == 0), [start, reset(keys[0])], now)
         action, acting = agent.act(learner, acting, observe(state), keys[1], step=t, **settings)
         (after, reward), chosen = step(state, action), 1.0 * acting.guidance.choice
@@ -63,9 +64,10 @@ def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
         batch = replay.sample(memory, t + 1, config.batch, keys[2], 3)
         return (agent.update(learner, batch, keys[3], step=t, **settings)[0], memory, acting, after), None
 
-    carry = agent.init(init_key, 3, 1, config=config), replay.init(steps, 3, 1), start, jnp.zeros(2)
+    idle = ActState(jnp.zeros(1), controller.init())
+    carry = agent.init(init_key, 3, 1), replay.init(steps, 3, 1), idle, jnp.zeros(2)
     learner = jax.lax.scan(advance, carry, jnp.arange(steps))[0][0]
-    earn = partial(episode_return, partial(ddpg.student, learner.actor, config=config))
+    earn = partial(episode_return, partial(agent.student, learner.actor))
     return jax.vmap(earn)(jax.random.split(test_key, TESTS)).mean()
 
 

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from srl_jax.agents import ddpg
+from srl_jax.agents import ddpg, noise
 from srl_jax.agents.ddpg import student
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
@@ -77,7 +77,7 @@ def update(
         ``gradient_norm``; ``gradient_failed``, 1 where the process could not be fitted and nothing was learned.
     """
     del key, teachers
-    directions = scores(state.actor, batch, ddpg.noise_scale(hyper, step), config=config)
+    directions = scores(state.actor, batch, noise.scale(hyper, step), config=config)
     products = gram.matrix(directions)
     value = gptd.rbf(hyper.kernel_length, hyper.value_scale)
     discounts = hyper.gamma * batch.discount

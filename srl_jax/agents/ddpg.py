@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from srl_jax.agents import noise
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.networks import Actor, Critic
 from srl_jax.agents.settings import ActorConfig, DDPGConfig
-from srl_jax.distributions import normal
 from srl_jax.types import ActState, Params, Transition
 
 METRICS = ("critic_loss", "q")
@@ -84,21 +84,6 @@ def init(
     )
 
 
-def noise_scale(hyper: Hyper, step: jax.Array) -> jax.Array:
-    """Standard deviation of the exploration noise: ``sigma_t^2 = sigma_0^2 decay^t``, not below the floor."""
-    return jnp.maximum(hyper.noise * hyper.noise_decay ** (0.5 * step), hyper.noise_floor)
-
-
-def explore(
-    action: jax.Array, act_state: ActState, key: jax.Array, *, hyper: Hyper, step: jax.Array
-) -> tuple[jax.Array, ActState]:
-    """Adds noise of unit-variance AR(1) form, scaled by `noise_scale`; white where the correlation is 0."""
-    rho = hyper.noise_correlation
-    noise = normal(rho * act_state.noise, jnp.sqrt(1.0 - rho**2)).sample(seed=key)
-    action = jnp.clip(action + noise_scale(hyper, step) * noise, -1.0, 1.0)
-    return action, act_state._replace(noise=noise)
-
-
 def act(
     state: Any,
     act_state: ActState,
@@ -126,7 +111,7 @@ def act(
         action f32[A] in [-1, 1] and the new act_state, whose ``guidance.choice`` says who acted.
     """
     del teachers
-    return explore(student(state.actor, observation, config=config), act_state, key, hyper=hyper, step=step)
+    return noise.explore(student(state.actor, observation, config=config), act_state, key, hyper=hyper, step=step)
 
 
 def ensemble_q(params: Params, observation: jax.Array, action: jax.Array, *, config: DDPGConfig) -> jax.Array:

@@ -33,7 +33,7 @@ class ActorConfig(AgentSettings):
     noise_decay: Share = (1.0,)
     """Factor of the noise's variance per environment step (the paper's 0.9999)."""
     noise_floor: NotNegative = (0.05,)
-    """Standard deviation below which the noise does not fall."""
+    """Standard deviation below which the noise does not fall, unless it starts there."""
     noise_correlation: Correlation = (0.85,)
     """Correlation of the noise from step to step; 0 is white."""
     freeze: NotNegative = (2_000.0,)
@@ -200,6 +200,9 @@ class BACConfig(ActorConfig):
     """Transitions in a mini-batch, all of which meet in one Gaussian process."""
     init: Literal["random", "behaviour"] = "behaviour"
     actor_lr: NotNegative = (3e-5,)
+    noise: Positive = (0.25,)
+    """Standard deviation of the Gaussian policy at the start; one without any has no score."""
+    noise_floor: Positive = (0.05,)
     noise_correlation: Correlation = (0.0,)
     kernel_length: Positive = (10.0,)
     """Length scale of the critic's kernel of observations (whose components are of order one)."""

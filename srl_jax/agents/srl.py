@@ -12,7 +12,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents import ddpg
+from srl_jax.agents import ddpg, noise
 from srl_jax.agents.ddpg import AgentState, critic_fn, student
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
@@ -55,7 +55,7 @@ def act(
     mask_key, select_key, noise_key = jax.random.split(key, 3)
     actions = proposals(state.actor, observation, teachers, config=config)
     if config.noisy_proposals:
-        noisy, act_state = ddpg.explore(actions[0], act_state, noise_key, hyper=hyper, step=step)
+        noisy, act_state = noise.explore(actions[0], act_state, noise_key, hyper=hyper, step=step)
         actions = actions.at[0].set(noisy)
     guidance = act_state.guidance
     if config.select and len(actions) > 1:
@@ -65,7 +65,7 @@ def act(
     act_state = act_state._replace(guidance=guidance)
     if config.noisy_proposals:
         return actions[guidance.choice], act_state
-    return ddpg.explore(actions[guidance.choice], act_state, noise_key, hyper=hyper, step=step)
+    return noise.explore(actions[guidance.choice], act_state, noise_key, hyper=hyper, step=step)
 
 
 def choose(guidance, draws: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper):

@@ -181,38 +181,9 @@ def test_actor_climbs_its_critic():
     assert metrics["q"] > before
 
 
-def test_noise_scale_follows_the_variance_schedule_to_its_floor():
-    hyper = from_config(CONFIG, noise=0.5, noise_decay=0.9999, noise_floor=0.1)
-    steps = np.array([0, 1, 1_000, 10_000, 32_000, 32_400, 1e6])
-    scale = [float(ddpg.noise_scale(hyper, jnp.float32(step))) for step in steps]
-    np.testing.assert_allclose(scale, np.maximum(np.sqrt(0.25 * 0.9999**steps), 0.1), rtol=1e-3)
-    assert ddpg.noise_scale(HYPER, LATE) == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.85])
-def test_noise_has_its_variance_and_correlation(rho):
-    hyper, rows = from_config(CONFIG, noise=0.1, noise_correlation=rho), 20_000
-
-    @jax.jit
-    def walk(key):
-        def one(state, key):
-            action, state = ddpg.explore(jnp.zeros(ACTION), state, key, hyper=hyper, step=jnp.float32(0.0))
-            return state, action
-
-        return jax.lax.scan(one, idle(), jax.random.split(key, rows))[1]
-
-    noise = np.asarray(walk(KEY))[100:]
-    error = np.sqrt((1 + rho) / (1 - rho) / rows)  # of a mean of correlated values
-    np.testing.assert_allclose(noise.mean(0), 0.0, atol=0.4 * error)
-    np.testing.assert_allclose(noise.std(0), 0.1, rtol=4 * error)
-    correlation = [np.corrcoef(noise[1:, i], noise[:-1, i])[0, 1] for i in range(ACTION)]
-    np.testing.assert_allclose(correlation, rho, atol=4 * error)
-    assert abs(np.corrcoef(noise.T)[0, 1]) < 4 * error
-
-
 def test_acting_adds_noise_to_the_student_and_ignores_teachers():
     state, observation = start(), jnp.ones(OBSERVATION)
-    quiet = HYPER._replace(noise=jnp.float32(0.0), noise_floor=jnp.float32(0.0))
+    quiet = HYPER._replace(noise=jnp.float32(0.0))
     own = student(state.actor, observation, config=CONFIG)
     keywords = dict(config=CONFIG, step=LATE)
     action, after = act(state, idle(), observation, KEY, hyper=quiet, teachers=(jnp.sin,), **keywords)

@@ -64,7 +64,7 @@ def test_a_good_trial_ends_the_search_and_a_bad_one_moves_on(config):
     np.testing.assert_array_equal(second.actor["gait"], gaits[bad.cell])  # the best so far, though not good enough
     third = finish(second, ended(0.1, began=200, now=300))
     assert third.over and third.trials.count == 3
-    _, metrics = agent.update(third, None, None, config=config, hyper=None, step=None)  # what it reports needs none
+    metrics = agent.gauge(third)
     expected = {"trials": 3, "trial_seconds": 15.0, "trial_gait": int(bad.cell), "trial_best": 0.8, "trial_over": 1}
     assert {name: round(float(value), 5) for name, value in metrics.items()} == expected
     np.testing.assert_array_equal(third.actor["gait"], gaits[bad.cell])
@@ -82,6 +82,20 @@ def test_it_walks_by_the_gait_on_trial_and_afterwards_by_the_best(config):
     over = state._replace(over=jnp.array(True))
     np.testing.assert_allclose(act(over), family.action(jnp.full(36, 0.25), clock), atol=2e-3)
     np.testing.assert_allclose(agent.student(state.actor, observation, config=config), act(over))
+
+
+def test_after_another_damage_the_search_begins_anew_and_robot_time_goes_on(config):
+    finish = jax.jit(lambda s, e: agent.finish(s, e, config=config, hyper=from_config(config)))
+    over = finish(begin(config), ended(1.95, now=50))
+    assert over.over and over.seconds == 2.5
+    again = agent.reopen(over, jnp.int32(170), config=config)
+    assert not again.over and again.trials.count == 0 and again.since == 170 and again.seconds == 2.5
+    np.testing.assert_array_equal(again.actor["gait"], over.actor["gait"])
+    assert again.cell == begin(config).cell
+    stale = finish(again, ended(0.1, began=169, now=200))
+    assert stale.trials.count == 0
+    tried = finish(again, ended(0.2, began=170, now=270))
+    assert tried.trials.count == 1 and tried.seconds == 7.5
 
 
 def test_a_map_of_another_clock_is_refused(tmp_path):
