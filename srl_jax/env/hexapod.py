@@ -169,7 +169,7 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     position = state.qpos[:2]
     heading = frame[:2, 0] / jnp.maximum(jnp.linalg.norm(frame[:2, 0]), 1e-6)
     towards = tasks.direction(robot.task, position, state.goal)
-    ahead = jnp.dot(towards, heading)
+    ahead = jnp.dot(towards, heading, precision="highest")
     left = heading[0] * towards[1] - heading[1] * towards[0]
     parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle), ahead, left])]
     if robot.task == "p2p":
@@ -177,7 +177,7 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     parts += [-frame[2], jnp.where(felt, state.qpos[7:] - robot.stance[7:], 0.0)]
     if robot.config.observation == "full":
         parts += [
-            frame.T @ state.qvel[:3],
+            jnp.matmul(frame.T, state.qvel[:3], precision="highest"),
             0.3 * state.qvel[3:6],
             0.1 * jnp.where(felt, state.qvel[6:], 0.0),
             10.0 * state.qpos[2:3],

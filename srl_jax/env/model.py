@@ -5,6 +5,7 @@ This is the one module that imports MJX; others write ``from srl_jax.env.model i
 
 import contextlib
 import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -79,15 +80,22 @@ def feet(model: mujoco.MjModel) -> np.ndarray:
 
 
 def step(model: mjx.Model, data: mjx.Data) -> mjx.Data:
-    """`mjx.step`: one physics step of ``model.opt.timestep`` seconds.
-
-    MJX relies on NumPy's rank promotion, which our tests forbid: it is allowed here and in `forward` only.
-    """
-    with jax.numpy_rank_promotion("allow"):
+    """`mjx.step`: one physics step of ``model.opt.timestep`` seconds."""
+    with _for_physics():
         return mjx.step(model, data)
 
 
 def forward(model: mjx.Model, data: mjx.Data) -> mjx.Data:
-    """`mjx.forward`: positions, contacts and forces of the present state; rank promotion as in `step`."""
-    with jax.numpy_rank_promotion("allow"):
+    """`mjx.forward`: positions, contacts and forces of the present state."""
+    with _for_physics():
         return mjx.forward(model, data)
+
+
+@contextlib.contextmanager
+def _for_physics() -> Iterator[None]:
+    """How MJX is traced: it relies on NumPy's rank promotion, which our tests forbid elsewhere.
+
+    Accelerators multiply f32 at 10 bits of mantissa unless told otherwise, and constraints do not bear that.
+    """
+    with jax.numpy_rank_promotion("allow"), jax.default_matmul_precision("highest"):
+        yield

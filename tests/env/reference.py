@@ -1,5 +1,7 @@
 """What several tests of the environment share: damage of every kind on every joint, and robots in a given state."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 
@@ -35,3 +37,9 @@ def state_at(robot, x=0.0, y=0.0, *, quaternion=(1.0, 0, 0, 0), goal=(0.0, 0.0),
     state, _ = hexapod.reset(robot, damage.build("healthy"), jax.random.key(0))
     qpos = jnp.array([x, y, 0.11, *quaternion, *robot.stance[7:]])
     return state._replace(qpos=qpos, goal=jnp.array(goal), steps=jnp.int32(steps))
+
+
+def products(function: Callable, *arguments) -> list[str]:
+    """The matrix products of a traced, not compiled, program: its lines of StableHLO."""
+    lines = jax.jit(function).lower(*arguments).as_text().splitlines()
+    return [line for line in lines if "dot_general" in line]

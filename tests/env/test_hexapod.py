@@ -11,7 +11,7 @@ import pytest
 from srl_jax.env import damage, hexapod
 from srl_jax.env.model import JOINTS
 from srl_jax.env.settings import EnvConfig
-from tests.env.reference import CLOCK_HZ, make, state_at
+from tests.env.reference import CLOCK_HZ, make, products, state_at
 
 STEPS = 20  # 1 s
 KINDS = (
@@ -139,6 +139,13 @@ def test_locked_joints_start_at_their_angle_and_stay(robot, rollouts, name):
     assert first.qpos[joint] == robot.stance[joint]
     assert np.abs(states.qpos[:, joint] - robot.stance[joint]).max() < 1e-4
     assert (np.abs(first.qpos - robot.stance)[7:] > 0).sum() == 17
+
+
+def test_a_control_step_multiplies_at_full_precision_on_every_device(robot):
+    healthy = damage.build("healthy")
+    state, _ = hexapod.reset(robot, healthy, jax.random.key(0))
+    found = products(partial(hexapod.step, robot), healthy, state, jnp.zeros(18))
+    assert len(found) > 10 and all("HIGHEST, HIGHEST" in line for line in found)
 
 
 # Reset

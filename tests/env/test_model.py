@@ -5,7 +5,21 @@ import mujoco
 import numpy as np
 import pytest
 
-from srl_jax.env.model import JOINTS, LEGS, SEGMENTS, feet, load_model, load_spec, put_model, stance, xml_path
+from srl_jax.env.model import (
+    JOINTS,
+    LEGS,
+    SEGMENTS,
+    feet,
+    forward,
+    load_model,
+    load_spec,
+    mjx,
+    put_model,
+    stance,
+    step,
+    xml_path,
+)
+from tests.env.reference import products
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +127,12 @@ def test_mjx_takes_the_model(model):
     assert put.opt.iterations == 1
     assert put.opt.ls_iterations == 4
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(put))
+
+
+@pytest.mark.parametrize("function", [step, forward])
+def test_physics_multiplies_at_full_precision_on_every_device(model, function):
+    found = products(function, put_model(model), mjx.make_data(model))
+    assert len(found) > 10 and all("HIGHEST, HIGHEST" in line for line in found)
 
 
 def test_each_load_is_a_fresh_copy():
