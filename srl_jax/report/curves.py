@@ -102,19 +102,19 @@ def _legend(figure: Figure, looks: Looks, title: str = "") -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
     if unnamed := sum("label" not in look for look in looks.values()):
-        label = f"{_counted(unnamed, 'more method')}, not among the {NAMED} that end highest"
-        found[label] = Line2D([], [], color=style.OTHERS, linewidth=1.0)
-    labels = list(found)
-    # Long names, as those of a sweep, stand in fewer columns: about 110 letters fit across.
-    across = int(figure.get_figwidth() * 9.5) // (max(map(len, labels), default=0) + 8)
+        found[f"{unnamed} that end lower"] = Line2D([], [], color=style.OTHERS, linewidth=1.0)
+    # Long names, as those of a sweep, stand in fewer columns: about 11 letters go into an inch.
+    across = int(11 * figure.get_figwidth()) // (max(map(len, found), default=0) + 8)
+    columns = max(min(len(found), across, 6), 1)
     legend = figure.legend(
         list(found.values()),
-        labels,
+        list(found),
         loc="outside upper left",
-        ncols=max(min(len(labels), across, 6), 1),
-        fontsize=11 if len(labels) <= 6 else 9.5,
+        ncols=columns,
+        fontsize=11 if len(found) <= 6 else 9.5,
         columnspacing=2.5,
     )
+    figure.set_figheight(figure.get_figheight() + 0.22 * (math.ceil(len(found) / columns) - 1))
     legend.set_title(title)
     legend.set_alignment("left")
 

@@ -96,7 +96,8 @@ def small(
 ) -> None:
     """Draws a metric of a run in one small panel per damage, in rows x columns of them."""
     rows, columns = shape
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    # Limits are set once at the end: axes that share them tell all others at every change, the square of their number.
+    grid = figure.subplots(rows, columns, squeeze=False)
     for axes, damage in itertools.zip_longest(grid.flat, damages):
         if damage is None:
             axes.set_axis_off()
@@ -108,10 +109,13 @@ def small(
         axes.locator_params(axis="x", nbins=3)
         axes.xaxis.set_major_formatter(lambda x, _: thousands(x))
         axes.tick_params(labelsize=8.5)
-    for column in range(columns):  # a panel with an empty place below it shows the steps itself
-        lowest = (len(damages) - 1 - column) // columns
-        if lowest >= 0:
-            grid[lowest, column].tick_params(labelbottom=True)
+        axes.label_outer()
+    panels = list(grid.flat)[: len(damages)]
+    x, y = (np.array([getattr(axes, f"get_{name}lim")() for axes in panels]) for name in "xy")
+    for axes in panels:
+        axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
+    for axes in panels[-columns:]:  # a panel with an empty place below it shows the steps itself
+        axes.tick_params(labelbottom=True)
     figure.supylabel(LABELS[metric], fontsize=10)
 
 

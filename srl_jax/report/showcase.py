@@ -7,8 +7,8 @@ import jax
 import numpy as np
 
 from srl_jax.evaluate import rollout_c
-from srl_jax.program import lanes as lane_table
 from srl_jax.program.lanes import Lane
+from srl_jax.program.randomness import lane_keys
 from srl_jax.program.state import LaneData, Program, TrainState, student
 from srl_jax.report import video
 
@@ -23,11 +23,13 @@ def median_lanes(lanes: Sequence[Lane], returns: Mapping[int, float]) -> dict[st
         returns: lane index -> return; lanes that are missing or not finite are passed over.
     """
     chosen = {}
-    for method in dict.fromkeys(f"{lane.algo} {lane.label}".strip() for lane in lanes):
-        own = [lane for lane in lanes if f"{lane.algo} {lane.label}".strip() == method]
-        own = sorted((returns[lane.index], lane.index) for lane in own if np.isfinite(returns.get(lane.index, np.nan)))
-        if own:
-            chosen[method] = lanes[own[(len(own) - 1) // 2][1]]
+    own: dict[str, list[Lane]] = {}
+    for lane in lanes:
+        if np.isfinite(returns.get(lane.index, np.nan)):
+            own.setdefault(lane.method, []).append(lane)
+    for method, found in own.items():
+        found.sort(key=lambda lane: (returns[lane.index], lane.index))
+        chosen[method] = found[(len(found) - 1) // 2]
     return chosen
 
 
@@ -61,9 +63,9 @@ def save_videos(
             )
         )
         policy = student(program, lane.algo, actor, params)
-        damage, key = damages[lane.index], lane_table.key(lane, "video")
-        rollout = rollout_c(program.robot, damage, policy, key, program.config.env.episode_steps)
-        frames = video.render(rollout, damage, goal_radius=program.config.env.goal_radius, size=SIZE)
+        damage, key = damages[lane.index], lane_keys([lane], "video")[0]
+        rollout = rollout_c(program.robot, damage, policy, key, program.robot.config.episode_steps)
+        frames = video.render(rollout, damage, goal_radius=program.robot.config.goal_radius, size=SIZE)
         path = directory / f"{method.replace(' ', '-')}-{damage.replace(':', '-')}-seed{lane.seed}.mp4"
         video.save_video(path, frames)
         paths.append(path)
