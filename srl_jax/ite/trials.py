@@ -1,10 +1,10 @@
-"""Map-based Bayesian optimisation: a damaged robot tries gaits of a map made before the damage.
+"""Map-based Bayesian optimisation, step by step: what a trial of one gait says of all gaits, and which to try next.
 
 Cully, Clune, Tarapore & Mouret (Nature 2015): a Gaussian process over the gaits' descriptors whose prior mean is the
-map. Everything here is of one robot; `vmap` over damages, seeds or maps gives one program for all of them.
+map, made before the damage. Everything here is of one robot; `vmap` over damages, seeds or maps gives one program for
+all of them.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +14,6 @@ import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
 BONUSES = ("deviation", "variance")
-SECONDS = 5.0  # of walking per trial
 # Accelerators multiply f32 at 10 bits of mantissa unless told otherwise.
 dot = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)
 
@@ -48,19 +47,6 @@ class TrialState(NamedTuple):
     faults: jax.Array  # i32[] of them with a non-finite outcome, taken for 0
 
 
-class Adaptation(NamedTuple):
-    """A whole search. Rows after the stop repeat the best trial: that is what the robot walks on with."""
-
-    index: jax.Array  # i32[T] cell
-    speed: jax.Array  # f32[T] observed fitness
-    stopped: jax.Array  # bool[T] the search was over once this trial was done
-    choice: jax.Array  # i32[] best tested cell
-    best: jax.Array  # f32[] its observed fitness
-    trials: jax.Array  # i32[] made until the stop, or T
-    seconds: jax.Array  # f32[] of robot time those took
-    faults: jax.Array  # i32[] trials with a non-finite outcome
-
-
 def make_map(descriptors: np.ndarray | jax.Array, fitness: np.ndarray | jax.Array) -> GaitMap:
     """A map from concrete arrays f32[N, C] and f32[N], with their values checked.
 
@@ -68,7 +54,7 @@ def make_map(descriptors: np.ndarray | jax.Array, fitness: np.ndarray | jax.Arra
         ValueError: no filled cell, shapes that do not fit, fitness of NaN or +inf, or a filled cell without descriptor.
     """
     prior = GaitMap(jnp.asarray(descriptors, jnp.float32), jnp.asarray(fitness, jnp.float32))
-    _check_shapes(prior)
+    check_shapes(prior)
     values, filled = np.asarray(prior.fitness), np.isfinite(prior.fitness)
     if np.any(np.isnan(values) | np.isposinf(values)):
         raise ValueError("fitness holds NaN or +inf; accepted are finite numbers, and -inf for an empty cell.")
@@ -109,7 +95,7 @@ def posterior(prior: GaitMap, state: TrialState, settings: ProcessSettings = PUB
     Raises:
         ValueError: an empty map, or shapes that do not fit.
     """
-    _check_shapes(prior)
+    check_shapes(prior)
     tested, size = prior.descriptors[state.index], len(state.index)
     valid = jnp.arange(size) < state.count
     # The rounding of the factorisation itself, so that a gait tried twice without noise is no fault.
@@ -173,60 +159,6 @@ def stopped(prior: GaitMap, state: TrialState, settings: ProcessSettings = PUBLI
     return sufficient(posterior(prior, state, settings)[0], state, settings)
 
 
-def adapt(
-    prior: GaitMap,
-    evaluate: Callable[[jax.Array, jax.Array], jax.Array],
-    key: jax.Array,
-    *,
-    trials: int = 20,
-    settings: ProcessSettings = PUBLISHED,
-    bonus: str = "deviation",
-    seconds: float = SECONDS,
-) -> Adaptation:
-    """Tries gaits until one is good enough, at most `trials` of them.
-
-    Under ``vmap`` the loop ends with the last robot that still searches; those that have stopped are not disturbed.
-
-    Args:
-        prior: the map.
-        evaluate: ``(index i32[], key) -> f32[]``, the fitness of a cell's gait on the damaged robot; traced once.
-        key: random key; trial t gets a key that depends on t alone, not on `trials`.
-        trials: T.
-        settings: of the process, the bonus and the stop.
-        bonus: see `suggest`.
-        seconds: robot time of one trial.
-
-    Raises:
-        ValueError: `trials` below 1, unknown `bonus`, an empty map, or shapes that do not fit.
-    """
-    _check_shapes(prior)
-
-    def searching(carry: tuple[TrialState, jax.Array, jax.Array]) -> jax.Array:
-        return ~carry[2] & (carry[0].count < trials)
-
-    def attempt(carry: tuple[TrialState, jax.Array, jax.Array]) -> tuple[TrialState, jax.Array, jax.Array]:
-        value = evaluate(carry[1], jax.random.fold_in(key, carry[0].count))
-        state = record(carry[0], carry[1], value)
-        mean, deviation = posterior(prior, state, settings)
-        return state, choose(mean, deviation, settings, bonus), sufficient(mean, state, settings)
-
-    # Before the first trial all gaits are equally unknown, so it is the map's best, as published.
-    first = (init(trials), jnp.argmax(prior.fitness).astype(jnp.int32), jnp.zeros((), bool))
-    state, _, done = jax.lax.while_loop(searching, attempt, first)
-    choice, value = best(state)
-    row = jnp.arange(trials)
-    return Adaptation(
-        index=jnp.where(row < state.count, state.index, choice),
-        speed=jnp.where(row < state.count, state.observed, value),
-        stopped=done & (row >= state.count - 1),
-        choice=choice,
-        best=value,
-        trials=state.count,
-        seconds=jnp.asarray(seconds * state.count, jnp.float32),
-        faults=state.faults,
-    )
-
-
 def choose(
     mean: jax.Array, deviation: jax.Array, settings: ProcessSettings = PUBLISHED, bonus: str = BONUSES[0]
 ) -> jax.Array:
@@ -242,8 +174,12 @@ def sufficient(mean: jax.Array, state: TrialState, settings: ProcessSettings = P
     return best(state)[1] >= settings.sufficient * jnp.max(mean)
 
 
-def _check_shapes(prior: GaitMap) -> None:
-    """Raises ValueError for an empty map or shapes that do not fit; values may be traced."""
+def check_shapes(prior: GaitMap) -> None:
+    """Refuses an empty map; values may be traced.
+
+    Raises:
+        ValueError: an empty map, or shapes that do not fit.
+    """
     descriptors, fitness = jnp.shape(prior.descriptors), jnp.shape(prior.fitness)
     if len(descriptors) != 2 or fitness != descriptors[:1]:
         raise ValueError(f"descriptors has shape {descriptors} and fitness {fitness}; [N, C] and [N] are needed.")
