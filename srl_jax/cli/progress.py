@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from srl_jax.report.curves import format_table
+from srl_jax.report.table import format_table
 
 if TYPE_CHECKING:
-    from srl_jax.job.loop import Progress as Status
+    from srl_jax.job.progress import Progress as Status
 
 
 class Terminal(Console):
@@ -61,6 +61,8 @@ class Display:
     def update(self, status: "Status") -> None:
         """Shows the newest status; on a file, one line whenever something was evaluated."""
         self.begin(status.directory)
+        if status.note:
+            self.console.print(status.note, soft_wrap=True, highlight=False)
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
         self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
         shown = (status.phase, latest(status))

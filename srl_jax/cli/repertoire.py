@@ -51,7 +51,7 @@ def _main(argv: list[str]) -> int:
             devices,
             exact=bool(arguments.out),
             resume=bool(arguments.resume),
-            listener=display.update,
+            listener=display.show,
             stopped=stop.requested,
         )
     if summary is None:

@@ -23,7 +23,7 @@ class SearchDisplay(Display):
         self.bar.columns = (*self.bar.columns[:2], count, *self.bar.columns[3:])
         self._said: tuple[str, float] = ("", 0.0)
 
-    def update(self, status: Status) -> None:
+    def show(self, status: Status) -> None:
         """Shows the newest status; on a file, a line for every new phase, every half minute, and at the end."""
         self.begin(status.directory)
         figures = f"{status.rate:,.0f} gaits/s  {status.filled:,} cells  best {status.best / SECONDS:.3f} m/s"

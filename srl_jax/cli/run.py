@@ -5,16 +5,18 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 
+from srl_jax.agents import registry
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.cli.signals import StopSignals
 from srl_jax.config import Config, preset
 from srl_jax.job.files import differences, read_config
 
+FIELDS = tuple(field.name for field in dataclasses.fields(Config) if field.name != "more")
 OF_THE_MACHINE = ("devices",)  # what a run may go on with on another machine
 
 
@@ -36,8 +38,7 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _main(argv: list[str]) -> int:
-    arguments = parse(argv)
-    config = Config(**{field.name: getattr(arguments, field.name) for field in dataclasses.fields(Config)})
+    arguments, config = parse(argv)
 
     from srl_jax.job import plan
 
@@ -46,12 +47,12 @@ def _main(argv: list[str]) -> int:
     from absl import logging
 
     from srl_jax.cli.progress import Display
-    from srl_jax.job import loop  # jax starts here, after the devices are known
+    from srl_jax.job.run import run  # jax starts here, after the devices are known
 
     logging.set_verbosity(logging.FATAL)  # Orbax logs the traceback of every error that it also raises
     stop = StopSignals()
     with Display() as display:
-        summary = loop.run(
+        summary = run(
             config,
             Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}"),
             devices,
@@ -67,16 +68,17 @@ def _main(argv: list[str]) -> int:
     return 0
 
 
-def parse(argv: list[str]) -> Arguments:
-    """The command line on top of a preset, or of the run that is resumed.
+def parse(argv: list[str]) -> tuple[Arguments, Config]:
+    """The command line on top of a preset, or of the run that is resumed, and what it configures.
 
     Raises:
         ValueError: a resumed run is given settings that differ from its own.
     """
     resume, name = _option(argv, "--resume"), _option(argv, "--preset")
     base = read_config(Path(resume))[0] if resume else preset(name or "default")
-    values = {field.name: getattr(base, field.name) for field in dataclasses.fields(Config)}
-    arguments = tyro.cli(Arguments, args=argv, default=Arguments(**values), prog="srl-jax run")
+    values: dict[str, Any] = {name: getattr(base, name) for name in FIELDS}
+    values |= {name: base.agent(name) for name in _registered()}
+    arguments = tyro.cli(_sections(), args=argv, default=_sections()(**values), prog="srl-jax run")
     if resume:
         changed = differences(values, {key: getattr(arguments, key) for key in values})
         refused = [name for name in changed if name not in OF_THE_MACHINE]
@@ -85,7 +87,21 @@ def parse(argv: list[str]) -> Arguments:
             raise ValueError(
                 f"resume {resume}: {', '.join(refused)} differ from the run's own; leave them out, or start a new run."
             )
-    return arguments
+    used = [name for name in _registered() if name in {part.strip() for part in arguments.algos.split(",")}]
+    more = {name: getattr(arguments, name) for name in used}
+    return arguments, Config(**{name: getattr(arguments, name) for name in FIELDS}, more=more)
+
+
+def _registered() -> list[str]:
+    """Algorithms from outside the package."""
+    return [name for name in registry.names() if name not in registry.SHIPPED]
+
+
+def _sections() -> type[Arguments]:
+    """The arguments, with a section for every algorithm from outside the package."""
+    extra = [(name, type(registry.settings(name)), registry.settings(name)) for name in _registered()]
+    about = {"__doc__": Arguments.__doc__}
+    return dataclasses.make_dataclass("Arguments", extra, bases=(Arguments,), namespace=about, frozen=True)
 
 
 def _option(argv: list[str], name: str) -> str:

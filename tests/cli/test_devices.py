@@ -68,10 +68,10 @@ def test_more_than_there_are(computer):
 RESUMED = """
 import json, os, sys
 from srl_jax.cli import run
-arguments = run.parse(["--resume", sys.argv[1]])
+_, config = run.parse(["--resume", sys.argv[1]])
 if "early" in sys.argv:
     import jax
-count = run.use_devices(arguments.devices, 3)
+count = run.use_devices(config.devices, 3)
 import jax
 print(json.dumps([count, len(jax.devices()), jax.config.jax_compilation_cache_dir]))
 """

@@ -8,13 +8,13 @@ import pytest
 from rich.console import Console
 
 from srl_jax.cli.progress import Display, peak
-from srl_jax.job.loop import Progress
+from srl_jax.job.progress import Progress
 
 HERE = Path("runs/here-2")
 STATES = [
-    Progress("preparing", 0, 2000, 0.0, 0.0, 0.0, {}, HERE),
-    Progress("training", 1000, 2000, 2.0, 5000.0, 250.0, {"srl": {"success": 0.5, "return": 12.0}}, HERE),
-    Progress("training", 2000, 2000, 4.0, 5000.0, 250.0, {"srl": {"success": 0.75, "return": 20.0}}, HERE),
+    Progress(HERE, "preparing", 0, 2000, 0.0, 0.0, 0.0, {}),
+    Progress(HERE, "training", 1000, 2000, 2.0, 5000.0, 250.0, {"srl": {"success": 0.5, "return": 12.0}}),
+    Progress(HERE, "training", 2000, 2000, 4.0, 5000.0, 250.0, {"srl": {"success": 0.75, "return": 20.0}}),
 ]
 
 
@@ -55,3 +55,11 @@ def test_a_job_inside_a_job_does_not_rename_its_directory():
 @pytest.mark.parametrize(("used", "said"), [(1.25, ", peak 1.25 GiB"), (None, "")])
 def test_memory_is_told_where_it_is_known(used, said):
     assert peak({"peak_memory_gib": used}) == said
+
+
+def test_a_note_gets_a_line_of_its_own():
+    console = Console(file=io.StringIO(), force_terminal=False, width=160)
+    with Display(console) as display:
+        display.update(dataclasses.replace(STATES[0], note="120 lanes in two waves"))
+        display.update(STATES[1])
+    assert console.file.getvalue().splitlines().count("120 lanes in two waves") == 1

@@ -217,11 +217,21 @@ def test_reading_a_configuration_imports_no_jax(tmp_path):
 # Metrics
 
 
-def test_metrics_are_cut_back_to_the_step_of_a_checkpoint(tmp_path):
+def test_metrics_are_cut_back_to_where_a_checkpoint_left_them(tmp_path):
     metrics = files.Metrics(tmp_path)
-    metrics.write((step, 0, "eval/return", step / 3) for step in (0, 800, 1600))
+    metrics.write((step, 0, "eval/return", step / 3) for step in (0, 800))
+    kept = metrics.size
+    metrics.write([(1600, 0, "eval/return", 1.0)])
     with (tmp_path / "metrics.csv").open("a") as file:
         file.write("2400,0,eval/re")  # as a process leaves it that is killed
-    files.Metrics(tmp_path, keep_until=800).write([(1600, 0, "eval/return", 2.0)])
+    files.Metrics(tmp_path, keep=kept).write([(1600, 0, "eval/return", 2.0)])
     rows = (tmp_path / "metrics.csv").read_text().splitlines()
     assert rows == ["step,lane,metric,value", "0,0,eval/return,0", "800,0,eval/return,266.6667", "1600,0,eval/return,2"]
+
+
+def test_metrics_that_lost_rows_are_refused(tmp_path):
+    kept = files.Metrics(tmp_path).size
+    for text in ("step", None):
+        (tmp_path / "metrics.csv").write_text(text) if text else (tmp_path / "metrics.csv").unlink()
+        with pytest.raises(ValueError, match=r"metrics\.csv is shorter than when its checkpoint was saved"):
+            files.Metrics(tmp_path, keep=kept)
