@@ -1,18 +1,26 @@
-"""What a run is: its task, its lanes' common clock, and the settings of every algorithm (see `agents.settings`).
+"""What a run is: its task, its lanes' common clock, and the settings of every algorithm.
 
-This module imports no jax, so that ``--help`` answers at once.
+Composed of the sections that `env`, `program` and `agents` own. This module imports no jax, so that ``--help`` answers
+at once.
 """
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from srl_jax.agents.settings import ACTEACH, BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
+import tyro
+
+from srl_jax.agents import registry
+from srl_jax.agents.settings import BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
+from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env.settings import EnvConfig
-from srl_jax.program.settings import TrainConfig
+from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
-ALGORITHMS = (*ACTOR_CRITICS, "bac", "mcpg", "bpg", "ite", "tripod", "pi_b")
+
+
+_SHIPPED: Any = registry.SHIPPED
 
 
 @dataclass(frozen=True)
@@ -24,7 +32,8 @@ class Config:
     seeds: str = "10"
     """A count (seeds 0..N-1) or a list (3,7,11)."""
     algos: str = "ddpg,srl"
-    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, ite, tripod, pi_b, separated by commas."""
+    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, ite, tripod, pi_b and what else is registered, separated by
+    commas."""
     damage: str = "task"
     """task (the paper's, all six legs), all (the catalogue), losses21, or names such as tibia_rm,leg_rm+leg_lf."""
     damage_schedule: str = ""
@@ -37,19 +46,36 @@ class Config:
     devices: str = "auto"
     """Devices the lanes are laid over: auto (one per core, or all accelerators) or a number."""
     memory_gb: float = 16.0
-    """The run refuses to start when its arithmetic exceeds this."""
+    """Lanes are trained in several waves, one after the other, where the arithmetic of all of them exceeds this."""
     env: EnvConfig = field(default_factory=EnvConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
-    ddpg: DDPGConfig = field(default_factory=DDPGConfig)
-    ddpg_warm: DDPGConfig = field(default_factory=lambda: DDPGConfig(init="behaviour"))
-    acteach: SRLConfig = field(default_factory=lambda: ACTEACH)
-    srl: SRLConfig = field(default_factory=SRLConfig)
-    bac: BACConfig = field(default_factory=BACConfig)
-    mcpg: SearchConfig = field(default_factory=SearchConfig)
-    bpg: SearchConfig = field(default_factory=lambda: SearchConfig(estimator="model2"))
-    ite: ITEConfig = field(default_factory=ITEConfig)
-    tripod: FrozenConfig = field(default_factory=lambda: FrozenConfig(policy="tripod"))
-    pi_b: FrozenConfig = field(default_factory=FrozenConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    ddpg: DDPGConfig = _SHIPPED["ddpg"]
+    ddpg_warm: DDPGConfig = _SHIPPED["ddpg_warm"]
+    acteach: SRLConfig = _SHIPPED["acteach"]
+    srl: SRLConfig = _SHIPPED["srl"]
+    bac: BACConfig = _SHIPPED["bac"]
+    mcpg: SearchConfig = _SHIPPED["mcpg"]
+    bpg: SearchConfig = _SHIPPED["bpg"]
+    ite: ITEConfig = _SHIPPED["ite"]
+    tripod: FrozenConfig = _SHIPPED["tripod"]
+    pi_b: FrozenConfig = _SHIPPED["pi_b"]
+    more: Annotated[Mapping[str, AgentSettings], tyro.conf.Suppress] = field(default_factory=dict)
+    """Settings of algorithms that others have registered, by name."""
+
+    def agent(self, name: str) -> AgentSettings:
+        """The settings of an algorithm.
+
+        Raises:
+            ValueError: there is none of that name.
+        """
+        return getattr(self, name) if name in registry.SHIPPED else self.more.get(name, registry.settings(name))
+
+    def with_agents(self, **settings: AgentSettings) -> "Config":
+        """The same run with other settings of some algorithms."""
+        shipped = {name: value for name, value in settings.items() if name in registry.SHIPPED}
+        others = {name: value for name, value in settings.items() if name not in registry.SHIPPED}
+        return dataclasses.replace(self, **shipped, more={**self.more, **others})
 
 
 def _paper(config: DDPGConfig) -> DDPGConfig:

@@ -16,6 +16,7 @@ class Transition(NamedTuple):
     discount: jax.Array  # f32[] 0 on termination, 1 on time-out and in between
     next_observation: jax.Array  # f32[O] before any auto-reset
     chosen: jax.Array  # f32[] 0 student, 1.. teachers (kept as a float: rows of a replay are one matrix)
+    lot: jax.Array  # f32[] whole number below 2^24, drawn once: what an agent draws from it stays with the transition
 
 
 class GuidanceState(NamedTuple):

@@ -1,17 +1,31 @@
-"""Orbax checkpoints: the whole state of a run, and beside it the networks alone, which are small and often wanted."""
+"""Orbax checkpoints: the whole state of a run, and beside it the networks alone, which are small and often wanted.
+
+Rows are stored as they lie on the devices of the run, with the lane of each; whoever reads them arranges them anew, so
+a run may go on with another number of devices.
+"""
 
 import contextlib
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import orbax.checkpoint as ocp
 
+from srl_jax.program.lanes import moved
 from srl_jax.program.replay import Replay
-from srl_jax.program.state import LaneData, Tally, TrainState
+from srl_jax.program.state import LaneData, Program, TrainState, on_all, on_rows
+from srl_jax.program.tally import Tally
+
+
+class Networks(NamedTuple):
+    """What one algorithm has learned."""
+
+    trees: dict[str, Any]  # "actor" and "critic", leaves [n, ...]
+    place: dict[int, int]  # index of a lane -> its row
 
 
 @contextlib.contextmanager
@@ -32,26 +46,54 @@ def manager(directory: Path) -> Iterator[ocp.CheckpointManager]:
 
 
 def save(
-    keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally, *, last: bool = False
+    keeper: ocp.CheckpointManager,
+    program: Program,
+    state: TrainState,
+    lanes: LaneData,
+    tally: Tally,
+    about: dict[str, Any],
+    *,
+    last: bool = False,
 ) -> None:
     """Starts saving at the state's clock; the program may go on at once.
 
     What is saved is copied first, since the next chunk writes into the state's own buffers; after the `last` chunk
-    nothing does, and the memory is spared. Replay rows that are not filled yet are left out.
+    nothing does, and the memory is spared. Replay rows that are not filled yet are left out. `about` is JSON and comes
+    back with `restore`.
     """
     step = int(state.clock)
     payload = _payload(state, lanes, tally, _filled(state, step))
     small = {algo: {"actor": agent.actor, "critic": agent.critic} for algo, agent in state.agents.items()}
     if not last:
         payload, small = jax.jit(lambda tree: jax.tree.map(jnp.copy, tree))((payload, small))
-    items = ocp.args.Composite(state=ocp.args.StandardSave(payload), networks=ocp.args.StandardSave(small))
+    layout = program.layout
+    stored = {
+        "rows": [lane.index for lane in layout.rows],
+        "lanes": {algo: [lane.index for lane in layout.of(algo)] for algo in layout.algos},
+        "about": about,
+    }
+    items = ocp.args.Composite(
+        state=ocp.args.StandardSave(payload),
+        networks=ocp.args.StandardSave(small),
+        layout=ocp.args.JsonSave(stored),
+    )
     keeper.save(step, args=items)
 
 
 def restore(
-    keeper: ocp.CheckpointManager, state: TrainState, lanes: LaneData, tally: Tally
-) -> tuple[TrainState, LaneData, Tally] | None:
-    """The newest checkpoint, in the shapes and on the devices of the arguments; None where there is none yet.
+    keeper: ocp.CheckpointManager, program: Program, state: TrainState, lanes: LaneData, tally: Tally
+) -> tuple[TrainState, LaneData, Tally, dict[str, Any]] | None:
+    """The newest checkpoint on the program's devices, whatever devices it was saved from; None where there is none yet.
+
+    Args:
+        keeper: from `manager`.
+        program: whose lanes are those of the checkpoint.
+        state: at step 0; its replay is filled from the checkpoint.
+        lanes: the rows.
+        tally: any.
+
+    Returns:
+        The state, the rows with their healthy replay, the tally, and `about` as it was saved.
 
     Raises:
         ValueError: the checkpoint cannot be read.
@@ -59,17 +101,36 @@ def restore(
     step = keeper.latest_step()
     if step is None:
         return None
+    stored = _read(keeper, step, layout=ocp.args.JsonRestore())["layout"]
     filled = _filled(state, step)
-    wanted = jax.tree.map(ocp.utils.to_shape_dtype_struct, _payload(state, lanes, tally, filled))
+    now = _payload(state, lanes, tally, filled)
+    wanted = now | {
+        "by_algo": {algo: _shapes(tree, len(stored["lanes"][algo])) for algo, tree in now["by_algo"].items()},
+        "by_row": _shapes(now["by_row"], len(stored["rows"])),
+        "shared": _shapes(now["shared"], None),
+    }
     found = _read(keeper, step, state=ocp.args.StandardRestore(wanted))["state"]
-    train_state: TrainState = found["state"]
-    merge = jax.jit(lambda rows, new: rows.at[:, :filled].set(new), donate_argnums=0)
-    replay = Replay(merge(state.replay.rows, train_state.replay.rows))
-    return train_state._replace(replay=replay), lanes._replace(prior=found["prior"]), found["tally"]
+    by_row = _arranged(program, found["by_row"], stored["rows"], program.layout.rows)
+    own = {
+        algo: _arranged(program, tree, stored["lanes"][algo], program.layout.of(algo))
+        for algo, tree in found["by_algo"].items()
+    }
+    fill = jax.jit(lambda rows, new: rows.at[:, :filled].set(new), donate_argnums=0)
+    clock, updates = on_all(program, (found["shared"]["clock"], found["shared"]["updates"]))
+    restored = TrainState(
+        clock=clock,
+        agents={algo: tree["agent"] for algo, tree in own.items()},
+        replay={a: Replay(fill(x.rows, own[a]["replay"].rows)) for a, x in state.replay.items()},
+        world=by_row["world"],
+        alive=by_row["alive"],
+    )
+    prior = {algo: own[algo]["prior"] for algo in lanes.prior}
+    counted = Tally(**by_row["tally"], updates=updates, losses={algo: own[algo]["losses"] for algo in tally.losses})
+    return restored, lanes._replace(prior=prior), counted, stored["about"]
 
 
-def networks(directory: Path) -> dict[str, Any]:
-    """``{"actor", "critic"}`` of every row, by algorithm, from the newest checkpoint of a run's directory.
+def networks(directory: Path) -> dict[str, Networks]:
+    """What every algorithm has learned, from the newest checkpoint of a run's directory.
 
     Raises:
         ValueError: there is no checkpoint, or it cannot be read.
@@ -80,12 +141,45 @@ def networks(directory: Path) -> dict[str, Any]:
         step = keeper.latest_step()
         if step is None:
             raise ValueError(f"{directory} holds no complete checkpoint: a finished run has one.")
-        return _read(keeper, step, networks=ocp.args.StandardRestore(_on_one_device(directory, step)))["networks"]
+        wanted = ocp.args.StandardRestore(_on_one_device(directory, step))
+        found = _read(keeper, step, networks=wanted, layout=ocp.args.JsonRestore())
+    places = {algo: _places(rows) for algo, rows in found["layout"]["lanes"].items()}
+    return {algo: Networks(trees, places[algo]) for algo, trees in found["networks"].items()}
 
 
-def students(directory: Path) -> dict[str, Any]:
-    """The actors alone; see `networks`."""
-    return {algo: found["actor"] for algo, found in networks(directory).items()}
+def _places(rows: Sequence[int]) -> dict[int, int]:
+    return {lane: row for row, lane in reversed(list(enumerate(rows)))}
+
+
+def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> dict[str, Any]:
+    """What is stored, by the kind of rows that its leaves have."""
+    parts: dict[str, dict[str, Any]] = {algo: {"agent": agent} for algo, agent in state.agents.items()}
+    for algo, replay in state.replay.items():
+        full = filled == replay.rows.shape[1]
+        parts[algo]["replay"] = Replay(replay.rows if full else replay.rows[:, :filled])  # a slice is a copy
+    for name, found in (("prior", lanes.prior), ("losses", tally.losses)):
+        for algo, value in found.items():
+            parts[algo][name] = value
+    sums = {name: getattr(tally, name) for name in ("episodes", "totals", "steps", "rates")}
+    return {
+        "by_algo": parts,
+        "by_row": {"world": state.world, "alive": state.alive, "tally": sums},
+        "shared": {"clock": state.clock, "updates": tally.updates},
+    }
+
+
+def _shapes(tree: Any, rows: int | None) -> Any:
+    """What a stored tree looks like on one device, with so many rows (None: leaves have no rows)."""
+    device = jax.sharding.SingleDeviceSharding(jax.devices()[0])
+    shape = lambda x: x.shape if rows is None else (rows, *x.shape[1:])  # noqa: E731
+    return jax.tree.map(lambda x: jax.ShapeDtypeStruct(shape(x), x.dtype, sharding=device), tree)
+
+
+def _arranged(program: Program, tree: Any, old: Sequence[int], new: Sequence[Any]) -> Any:
+    """Rows in the order of another layout, on its devices."""
+    order = moved(old, new)
+    same = len(order) == len(old) and np.array_equal(order, np.arange(len(old)))
+    return jax.tree.map(lambda x: on_rows(program, np.asarray(x) if same else np.asarray(x)[order]), tree)
 
 
 def _on_one_device(directory: Path, step: int) -> Any:
@@ -98,16 +192,11 @@ def _on_one_device(directory: Path, step: int) -> Any:
 
 def _filled(state: TrainState, step: int) -> int:
     """Replay rows worth keeping; at least one, since an empty array cannot be stored."""
-    return min(max(step, 1), state.replay.rows.shape[1])
+    capacity = max((replay.rows.shape[1] for replay in state.replay.values()), default=1)
+    return min(max(step, 1), capacity)
 
 
-def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> dict[str, Any]:
-    rows = state.replay.rows
-    kept = Replay(rows if filled == rows.shape[1] else rows[:, :filled])  # a slice is a copy
-    return {"state": state._replace(replay=kept), "prior": lanes.prior, "tally": tally}
-
-
-def _read(keeper: ocp.CheckpointManager, step: int, **items: ocp.args.StandardRestore) -> Any:
+def _read(keeper: ocp.CheckpointManager, step: int, **items: Any) -> Any:
     try:
         return keeper.restore(step, args=ocp.args.Composite(**items))
     except Exception as error:  # Orbax and its storage raise many kinds for a damaged file

@@ -8,12 +8,13 @@ import io
 import itertools
 import json
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from srl_jax import machine
+from srl_jax.agents import registry
 from srl_jax.config import Config
 
 if TYPE_CHECKING:  # the command line reads configurations before jax may be imported
@@ -131,11 +132,12 @@ def read_config(directory: Path) -> tuple[Config, int]:
     Raises:
         ValueError: the directory is not a run's, or was written by another version.
     """
-    stored = _read_json(directory, "run")
+    stored = read_json(directory, "run")
     with _sentence(directory / "config.json"):
         values = dict(stored["config"])
         for name, kind in _SECTIONS.items():
-            values[name] = kind(**{key: _tupled(value) for key, value in values[name].items()})
+            values[name] = _section(kind, values[name])
+        values["more"] = {name: _section(type(registry.settings(name)), x) for name, x in values["more"].items()}
         return Config(**values), int(stored["parts"][-1]["devices"])
 
 
@@ -145,7 +147,7 @@ def read_parts(directory: Path) -> list[dict[str, Any]]:
     Raises:
         ValueError: the directory is not a job's, or was written by another version.
     """
-    stored = _read_json(directory, "job")
+    stored = read_json(directory, "job")
     with _sentence(directory / "config.json"):
         return list(stored["parts"])
 
@@ -165,7 +167,12 @@ def differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
 _SECTIONS = {name: type(value) for name, value in vars(Config()).items() if dataclasses.is_dataclass(value)}
 
 
-def _read_json(directory: Path, kind: str) -> dict[str, Any]:
+def read_json(directory: Path, kind: str = "job") -> dict[str, Any]:
+    """config.json as it stands.
+
+    Raises:
+        ValueError: there is none, or it is no JSON.
+    """
     path = directory / "config.json"
     try:
         with _sentence(path):
@@ -183,6 +190,10 @@ def _sentence(path: Path) -> Iterator[None]:
         raise ValueError(f"{path} cannot be read as a configuration of this version: {error}.") from error
 
 
+def _section(kind: type, values: dict[str, Any]) -> Any:
+    return kind(**{key: _tupled(value) for key, value in values.items()})
+
+
 def _tupled(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
@@ -190,7 +201,7 @@ def _tupled(value: Any) -> Any:
 # A run's tables
 
 
-def write_lanes(directory: Path, lanes: "list[Lane]") -> None:
+def write_lanes(directory: Path, lanes: "Sequence[Lane]") -> None:
     """lanes.csv: one row per lane."""
     with replaced(directory / "lanes.csv") as file:
         writer = csv.writer(file)
@@ -199,21 +210,34 @@ def write_lanes(directory: Path, lanes: "list[Lane]") -> None:
 
 
 class Metrics:
-    """metrics.csv: appended to as the run goes, cut back to a checkpoint's step when it resumes."""
+    """metrics.csv: appended to as the run goes, cut back to where a checkpoint left it when the run resumes."""
 
     HEADER = ("step", "lane", "metric", "value")
 
-    def __init__(self, directory: Path, keep_until: int | None = None):
-        """Opens the file; rows after step `keep_until` are dropped, all of them if it is None."""
-        self._path = directory / "metrics.csv"
-        kept = [] if keep_until is None or not self._path.exists() else self._rows_until(keep_until)
-        with replaced(self._path) as file:
-            csv.writer(file).writerows([self.HEADER, *kept])
+    def __init__(self, directory: Path, keep: int | None = None):
+        """Opens the file.
 
-    def _rows_until(self, step: int) -> list[list[str]]:
-        with self._path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if len(row) == 4 and row[0].isdigit()]
-        return [row for row in rows if int(row[0]) <= step]
+        Args:
+            directory: of the run.
+            keep: bytes of what is there that stay, as `size` said when the checkpoint was saved; None: a new file.
+
+        Raises:
+            ValueError: there are fewer.
+        """
+        self._path = directory / "metrics.csv"
+        if keep is None:
+            with replaced(self._path) as file:
+                csv.writer(file).writerow(self.HEADER)
+            return
+        if not self._path.exists() or self.size < keep:
+            raise ValueError(f"{self._path} is shorter than when its checkpoint was saved: restore it from a copy.")
+        with self._path.open("r+b") as file:
+            file.truncate(keep)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._path.stat().st_size
 
     def write(self, rows: Iterable[Row]) -> None:
         """Appends all rows or none, and hands them to the operating system, so that a killed run loses none of them."""

@@ -1,244 +1,233 @@
 """Python's part of a run: chunks of the compiled program, with evaluations, checkpoints and files between them."""
 
-import dataclasses
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
-from srl_jax import machine
 from srl_jax.config import Config
-from srl_jax.env.hexapod import SUBSTEPS
-from srl_jax.job import checkpoint, plan, start
-from srl_jax.job import files as output
-from srl_jax.job import teachers as sources
-from srl_jax.program import engine
-from srl_jax.program import lanes as lane_table
-from srl_jax.program.state import STUDENT, TEACHER, TRAIN, LaneData, Mode, Tally, TrainState
-from srl_jax.report import data as report
+from srl_jax.env import damage_names
+from srl_jax.env import gait as gaits
+from srl_jax.job import checkpoint, files, start
+from srl_jax.job.plan import Plan
+from srl_jax.job.progress import Listener, Pace, Progress, Totals
+from srl_jax.job.teachers import Behaviour
+from srl_jax.program import engine as engines
+from srl_jax.program import tally as tallies
+from srl_jax.program.evaluation import evaluate
+from srl_jax.program.lanes import lay_out
+from srl_jax.program.state import REFERENCE, STUDENT, TEACHER, TRAIN, LaneData, Mode, TrainState
+from srl_jax.program.tally import Measured, Tally
 from srl_jax.report import showcase
+from srl_jax.report.curves import save_curves
+from srl_jax.report.data import read_metrics
+from srl_jax.report.summary import summarise
 
-SLICE = 1_000  # environment steps between two looks at the clock, at signals and at the progress display
-
-
-@dataclasses.dataclass
-class Progress:
-    """What a display shows."""
-
-    phase: str
-    step: int
-    steps: int
-    elapsed: float  # s of training
-    environment_rate: float  # environment steps per second, all lanes
-    update_rate: float  # gradient updates per second, all lanes
-    latest: dict[str, dict[str, float]]  # per algorithm, means over its lanes at the last evaluation
-    directory: Path  # where the files go
+LATEST = ("return", "success")  # what the display shows of an evaluation
 
 
-Listener = Callable[[Progress], None]
-
-
-def run(
-    config: Config,
-    directory: Path,
-    devices: int,
-    *,
-    exact: bool = True,
-    resume: bool = False,
-    listener: Listener = lambda progress: None,
-    stopped: Callable[[], bool] = lambda: False,
-) -> dict[str, Any] | None:
-    """Trains every lane of a configuration and leaves the files of a run.
-
-    Args:
-        config: what to do.
-        directory: where the files go; new, or of a run to resume.
-        devices: over how many devices lanes are laid.
-        exact: the files go to `directory` or nowhere; otherwise a number is appended where the name is taken.
-        resume: go on from the newest checkpoint in `directory`.
-        listener: called now and then with the progress.
-        stopped: asked now and then; once True, the run saves its state and returns.
-
-    Returns:
-        The summary that was written, or None where the run was stopped (resume it).
-
-    Raises:
-        ValueError: the configuration, the directory or a checkpoint is unusable; nothing has been written then.
-    """
-    plans = plan.make(config)
-    layout = lane_table.lay_out(plans.lanes, devices)
-    plan.check_memory(config, len(layout.rows))
-    if exact and not resume:
-        output.check_empty(directory)
-    sources.check(config)
-    directory = directory if resume else output.claim(directory, exact=exact)
-    with output.in_use(directory):
-        listener(Progress("preparing", 0, config.steps, 0.0, 0.0, 0.0, {}, directory))
-        output.write_config(directory, config, devices)
-        output.write_lanes(directory, plans.lanes)
-        teachers = sources.load(config, directory, devices, listener=listener, stopped=stopped)
-        if teachers is None:
-            return None
-        return _Run(config, plans, layout, directory, teachers, listener, stopped).go()
-
-
-class _Run:
-    """The state of a run in progress; see `run`."""
+class Loop:
+    """One run of lanes that are trained at once; `go` does it all."""
 
     def __init__(
         self,
         config: Config,
-        plans: plan.Plan,
-        layout: lane_table.Layout,
+        plan: Plan,
         directory: Path,
-        teachers: tuple[sources.Behaviour, ...],
+        devices: int,
+        teachers: Sequence[Behaviour],
         listener: Listener,
         stopped: Callable[[], bool],
     ):
-        self.config, self.plan, self.layout, self.directory = config, plans, layout, directory
-        self.listener, self.stopped = listener, stopped
-        program = engine.make_program(config, layout, teachers)
-        self.program, self.engine, self.network = program, engine.Engine(program), teachers[0].network
-        self.lanes = engine.lane_data(program, teachers, "train", self.damages(0))
-        self.evaluation_keys = engine.stream_keys(program, "evaluate")
-        self.seconds = 0.0  # spent training in this process
-        self.trained = 0  # environment steps of a lane in this process
+        self.config, self.plan, self.directory = config, plan, directory
+        self.teachers, self.listener, self.stopped = teachers, listener, stopped
+        self.layout = lay_out(plan.lanes, devices)
+        self.engine = engines.Engine(start.make_program(config, self.layout, teachers))
+        self.program = self.engine.program
+        self.lanes = start.make_lanes(self.program, config, teachers, "train", plan.damages(self.layout.rows, 0))
+        self.totals, self.pace = Totals(), Pace()
+        self.evaluated = self.stage = -1  # the steps at which students were last judged, and the damage last set
         self.latest: dict[str, dict[str, float]] = {}
-
-    def damages(self, step: int) -> list[str]:
-        return [self.plan.damage(lane, step) for lane in self.layout.rows]
+        self.metrics: files.Metrics
 
     def go(self) -> dict[str, Any] | None:
+        """Trains, then writes videos, summary and curves; None where it was stopped (and saved)."""
         with checkpoint.manager(self.directory / "checkpoints") as keeper:
-            state, tally = self.begin(keeper)
-            while int(state.clock) < self.config.steps:
+            begun = self.begin(keeper)
+            if begun is None:
+                return None
+            state, tally = begun
+            while True:
+                state, tally = self.due(keeper, state, tally)
                 if self.stopped():
-                    checkpoint.save(keeper, state, self.lanes, tally, last=True)
+                    self.save(keeper, state, tally, last=True)
                     return None
-                state, tally = self.advance(state, tally)
-                if int(state.clock) % self.config.train.evaluate_every == 0:
-                    state, tally = self.evaluate(state, tally)
-                clock = int(state.clock)
-                if clock % self.config.train.checkpoint_every == 0 and clock < self.config.steps:
-                    checkpoint.save(keeper, state, self.lanes, tally)
+                if int(state.clock) >= self.config.steps:
+                    break
+                state, tally = self.train(state, tally)
             if keeper.latest_step() != int(state.clock):
-                checkpoint.save(keeper, state, self.lanes, tally, last=True)
+                self.save(keeper, state, tally, last=True)
             self.show("summary", int(state.clock))
-            data = report.read_metrics(self.directory)
+            data = read_metrics(self.directory)
+            chosen = showcase.median_lanes(self.plan.lanes, data.last("eval/return"))
             damage = {lane.index: self.plan.damage(lane, self.config.steps - 1) for lane in self.plan.lanes}
-            chosen = showcase.median_lanes(self.plan.lanes, data.metrics["eval/return"][self.config.steps])
             # Rendered while the checkpoint is being written; the summary comes when both are there.
             showcase.save_videos(self.directory / "videos", self.program, state, self.lanes, chosen, damage)
-        return self.summarise(data)
+        summary = summarise(data) | {"machine": self.machine()}
+        files.write_json(self.directory / "summary.json", summary)
+        save_curves(data, self.directory / "curves.png")
+        return summary
 
-    def begin(self, keeper) -> tuple[TrainState, Tally]:
+    def begin(self, keeper) -> tuple[TrainState, Tally] | None:
         """The state to go on from: the newest checkpoint's, or step 0 with its reference measurements."""
         self.show("preparing", 0)
-        state = start.init_state(self.engine, self.lanes)
-        tally = engine.empty_tally(self.program)
-        found = checkpoint.restore(keeper, state, self.lanes, tally)
+        state, tally = start.init_state(self.engine, self.lanes), tallies.empty(self.program)
+        found = checkpoint.restore(keeper, self.program, state, self.lanes, tally)
         if found is not None:
-            state, self.lanes, tally = found
-            state = state._replace(clock=engine.on_all(self.program, state.clock))
-            self.metrics = output.Metrics(self.directory, keep_until=int(state.clock))
-            self.set_damage(int(state.clock))
+            state, self.lanes, tally, about = found
+            self.metrics = files.Metrics(self.directory, keep=about["metrics"])
+            self.totals = Totals(**about["totals"])
+            self.evaluated, self.stage = about["evaluated"], about["stage"]
+            self.lanes = self.under_damage(self.lanes, max(self.stage, 0))
             return state, tally
-        self.metrics = output.Metrics(self.directory)
+        self.metrics = files.Metrics(self.directory)
         self.show("compiling, then following pi_B", 0)
-        healthy = engine.with_damage(self.program, self.lanes, ["healthy"] * len(self.layout.rows))
-        prior = healthy._replace(key=engine.stream_keys(self.program, "prior"))
-        state, self.lanes = start.from_behaviour(self.engine, state, self.lanes, prior, self.network)
+        rows = self.layout.rows
+        healthy = engines.with_damage(self.program, self.lanes, [damage_names.HEALTHY] * len(rows))
+        prior = engines.with_stream(self.program, healthy, "prior")
+        state, self.lanes = start.from_behaviour(self.engine, state, self.lanes, prior, self.teachers[0])
         self.show("evaluating pi_B", 0)
-        state = self.measure(state, healthy._replace(prior=self.lanes.prior), TEACHER(), "healthy")
-        state = self.measure(state, self.lanes, TEACHER(), "teacher")
-        state = self.measure(state, self.lanes, STUDENT(), "eval")
+        healthy = healthy._replace(prior=self.lanes.prior)
+        state, pi_b = self.measure(state, healthy, TEACHER())
+        state, common = (state, pi_b) if self.follows_the_tripod else self.measure(state, healthy, REFERENCE())
+        if self.stopped():
+            return None
+        self.metrics.write([*self.rows(0, "healthy", pi_b), *self.rows(0, "reference", common)])
         return state, tally
 
-    def set_damage(self, step: int) -> None:
-        self.lanes = engine.with_damage(self.program, self.lanes, self.damages(step))
+    @property
+    def follows_the_tripod(self) -> bool:
+        """Whether pi_B is the tuned tripod itself, so that its measurement is the common reference too."""
+        return self.teachers[0].apply is gaits.act
 
-    def advance(self, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
-        """Trains up to the next multiple of SLICE, evaluation or change of damage, whichever comes first."""
-        clock, every = int(state.clock), self.config.train.environments
-        if any(start_ == clock and clock > 0 for start_, _ in self.plan.stages):
-            self.set_damage(clock)
-        unit = max(SLICE // every, 1) * every
-        stops = [first for first, _ in self.plan.stages if first > clock]
-        for period in (unit, self.config.train.evaluate_every):
-            stops.append((clock // period + 1) * period)
-        begin = time.perf_counter()
-        state, new = self.engine.chunk(state, self.lanes, TRAIN(), (min(stops) - clock) // every)
-        jax.block_until_ready(state)
-        self.seconds += time.perf_counter() - begin
-        self.trained += min(stops) - clock
-        self.show("training", min(stops))
-        return state, jax.tree.map(lambda a, b: a + b, tally, new)
+    def due(self, keeper, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
+        """What is to be done at the present step before training goes on; nothing of it where the run is stopped."""
+        clock, train = int(state.clock), self.config.train
+        if clock % train.evaluate_every == 0 and self.evaluated < clock:
+            state, tally = self.evaluate(state, tally)
+        stage = max(first for first, _ in self.plan.stages if first <= clock)
+        if self.stage < stage and clock < self.config.steps and not self.stopped():
+            state = self.enter_stage(state, stage)
+        wanted = clock % train.checkpoint_every == 0 and 0 < clock < self.config.steps
+        if wanted and keeper.latest_step() != clock and not self.stopped():
+            self.save(keeper, state, tally)
+        return state, tally
 
     def evaluate(self, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
         """Writes what training and an evaluation of the student alone have shown since the last one."""
-        self.metrics.write(self.rows(int(state.clock), "train", tally, state))
-        state = self.measure(state, self.lanes, STUDENT(), "eval")
-        self.show("training", int(state.clock))
-        return state, engine.empty_tally(self.program)
+        clock = int(state.clock)
+        state, judged = self.measure(state, self.lanes, STUDENT())
+        if self.stopped():
+            return state, tally
+        rows = [*self.rows(clock, "eval", judged)]
+        self.latest = self.means_by_algo(judged)
+        if clock:
+            seen = tallies.means(self.program, tally, training=True), np.asarray(state.alive)
+            gauges = self.engine.gauges(state.agents), np.asarray(state.alive)
+            rows = [*self.rows(clock, "train", seen), *self.rows(clock, "gauge", gauges), *rows]
+        self.metrics.write(rows)
+        self.evaluated = clock
+        self.show("training", clock)
+        return state, tallies.empty(self.program)
 
-    def measure(self, state: TrainState, lanes: LaneData, mode: Mode, prefix: str) -> TrainState:
-        """One episode of every robot from the fixed evaluation starts; leaves training's robots and clock alone."""
-        lanes = lanes._replace(key=self.evaluation_keys)
-        clock, world, alive = jax.device_get(state.clock), state.world, np.asarray(state.alive)
-        state = state._replace(world=self.engine.new_world(lanes))
-        state, tally = self.engine.chunk(state, lanes, mode, self.config.env.episode_steps)
-        state = state._replace(
-            clock=engine.on_all(self.program, clock), world=world, alive=engine.on_rows(self.program, alive)
-        )
-        self.metrics.write(self.rows(int(clock), prefix, tally, state))
+    def enter_stage(self, state: TrainState, stage: int) -> TrainState:
+        """The damage that is in force from here on, which agents are told and pi_B is measured under."""
+        self.lanes = self.under_damage(self.lanes, stage)
+        if stage:
+            state = state._replace(agents=engines.reopened(self.program, state.agents, int(state.clock)))
+        state, pi_b = self.measure(state, self.lanes, TEACHER())
+        if self.stopped():
+            return state
+        self.metrics.write([*self.rows(int(state.clock), "teacher", pi_b)])
+        self.stage = stage
         return state
 
-    def rows(self, step: int, prefix: str, tally: Tally, state: TrainState) -> list[output.Row]:
-        """A tally as rows of metrics.csv; NaN for frozen lanes."""
-        values = engine.means(self.program, jax.device_get(tally), training=prefix == "train")
-        alive = np.asarray(state.alive)
-        rows: list[output.Row] = []
-        for row, (lane, padding) in enumerate(zip(self.layout.rows, self.layout.padding, strict=True)):
-            if not padding:
-                found = values[row] if alive[row] else dict.fromkeys(values[row], float("nan"))
-                rows += [(step, lane.index, f"{prefix}/{name}", value) for name, value in found.items()]
-        if prefix == "eval":
-            self.latest = _means_by_algo(self.plan.lanes, rows)
-        return rows
+    def under_damage(self, lanes: LaneData, step: int) -> LaneData:
+        """The rows under the damage in force at a step."""
+        return engines.with_damage(self.program, lanes, self.plan.damages(self.layout.rows, step))
+
+    def train(self, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
+        """Trains up to the next evaluation or change of damage, or until the run is stopped."""
+        clock, train = int(state.clock), self.config.train
+        stops = [first for first, _ in self.plan.stages if first > clock]
+        stop = min([(clock // train.evaluate_every + 1) * train.evaluate_every, *stops])
+        with self.totals.training():
+            state, tally = self.advance(state, tally, self.lanes, TRAIN(), (stop - clock) // train.environments)
+        return state, tally
+
+    def advance(
+        self, state: TrainState, tally: Tally, lanes: LaneData, mode: Mode, steps: int
+    ) -> tuple[TrainState, Tally]:
+        """``engine.chunk`` in slices of some seconds, with a look at signals and at the display between them."""
+        training = bool(mode.learn)
+        while steps and not self.stopped():
+            count = min(steps, self.pace.steps)
+            with self.pace.timing(count):
+                state, tally = jax.block_until_ready(self.engine.chunk(state, tally, lanes, mode, count))
+            steps -= count
+            if training:
+                self.totals.trained += count * self.config.train.environments
+                self.show("training", int(state.clock))
+        return state, tally
+
+    def measure(
+        self, state: TrainState, lanes: LaneData, mode: Mode
+    ) -> tuple[TrainState, tuple[dict[str, Measured], np.ndarray]]:
+        """Episodes from the fixed evaluation starts: their means, and which rows were finite throughout."""
+        lanes = engines.with_stream(self.program, lanes, "evaluate")
+        episodes = self.config.evaluation.episodes
+        state, tally, finite = evaluate(self.engine, state, lanes, mode, episodes, advance=self.advance)
+        return state, (tallies.means(self.program, tally, training=False), finite)
+
+    def rows(self, step: int, prefix: str, seen: tuple[dict[str, Measured], np.ndarray]) -> Iterator[files.Row]:
+        """Measurements as rows of metrics.csv; NaN for rows that were not finite."""
+        measured, finite = seen
+        for name, (rows, values) in measured.items():
+            lanes, values = self.layout.lanes[rows], np.where(finite[rows], values, np.nan)
+            kept = lanes >= 0
+            yield from zip(repeat(step), lanes[kept].tolist(), repeat(f"{prefix}/{name}"), values[kept].tolist())
+
+    def means_by_algo(self, seen: tuple[dict[str, Measured], np.ndarray]) -> dict[str, dict[str, float]]:
+        """What the display shows of an evaluation: means over the lanes that are finite."""
+        measured, finite = seen
+        found: dict[str, dict[str, float]] = {algo: {} for algo in self.layout.algos}
+        for algo, rows in self.layout.rows_of.items():
+            kept = rows[finite[rows] & (self.layout.lanes[rows] >= 0)]
+            for name in LATEST:
+                if len(kept):
+                    found[algo][name] = float(np.mean(measured[name].values[kept]))
+        return found
+
+    def save(self, keeper, state: TrainState, tally: Tally, *, last: bool = False) -> None:
+        """Saves the state, and all that this object needs to go on from it."""
+        about = {
+            "metrics": self.metrics.size,
+            "totals": self.totals.stored(self.engine.compile_seconds),
+            "evaluated": self.evaluated,
+            "stage": self.stage,
+        }
+        checkpoint.save(keeper, self.program, state, self.lanes, tally, about, last=last)
 
     def show(self, phase: str, step: int) -> None:
-        lanes, train = len(self.plan.lanes), self.config.train
-        rate = lanes * self.trained / self.seconds if self.seconds else 0.0
-        updates = rate / (train.environments * train.update_every)
-        told = Progress(phase, step, self.config.steps, self.seconds, rate, updates, self.latest, self.directory)
-        self.listener(told)
+        """Tells the listener how far the run is."""
+        rate, updates = self.totals.rates(self.config, len(self.plan.lanes))
+        seconds, steps = self.totals.training_seconds, self.config.steps
+        self.listener(Progress(self.directory, phase, step, steps, seconds, rate, updates, self.latest))
 
-    def summarise(self, data: report.RunData) -> dict[str, Any]:
-        """Writes summary.json and curves.png from the run's metrics."""
-        rate = len(self.plan.lanes) * self.trained / self.seconds if self.seconds else 0.0
-        summary = report.summarise(data) | {
-            "machine": {
-                "devices": self.layout.devices,
-                "lanes": len(self.plan.lanes),
-                "training_seconds": round(self.seconds, 1),
-                "compile_seconds": round(self.engine.compile_seconds, 1),
-                "environment_steps_per_second": round(rate),
-                "physics_steps_per_second": round(rate * SUBSTEPS),
-                "updates_per_second": round(rate / (self.config.train.environments * self.config.train.update_every)),
-                "peak_memory_gib": machine.peak_memory_gib(),
-            }
-        }
-        output.write_json(self.directory / "summary.json", summary)
-        report.save_curves(data, self.directory / "curves.png")
-        return summary
-
-
-def _means_by_algo(lanes: list[lane_table.Lane], rows: list[output.Row]) -> dict[str, dict[str, float]]:
-    sums: dict[str, dict[str, list[float]]] = {}
-    for _, lane, name, value in rows:
-        if np.isfinite(value):
-            sums.setdefault(lanes[lane].algo, {}).setdefault(name.removeprefix("eval/"), []).append(value)
-    return {algo: {name: float(np.mean(v)) for name, v in found.items()} for algo, found in sums.items()}
+    def machine(self) -> dict[str, Any]:
+        """What the run took, earlier processes included."""
+        lanes, devices = len(self.plan.lanes), self.layout.devices
+        return self.totals.summary(self.config, lanes, devices, self.engine.compile_seconds)

@@ -1,5 +1,6 @@
-"""Step 0 of a run: random agents, pi_B's healthy experience, and students that start from pi_B."""
+"""Step 0 of a run: the program, random agents, pi_B's healthy experience, and students that start from pi_B."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -8,53 +9,78 @@ import numpy as np
 
 from srl_jax.agents import behaviour, registry
 from srl_jax.blocks import blocked_map
+from srl_jax.config import Config
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import ACTION_SIZE
-from srl_jax.job import plan
-from srl_jax.program import lanes as lane_table
+from srl_jax.job.teachers import Behaviour
 from srl_jax.program import replay as replays
-from srl_jax.program.engine import Engine, on_all, on_rows, replaying
-from srl_jax.program.state import COLLECT, LaneData, Program, TrainState, bind_teachers, sharding
+from srl_jax.program import tally as tallies
+from srl_jax.program.engine import Engine, lane_data, lane_mesh
+from srl_jax.program.lanes import Layout
+from srl_jax.program.randomness import lane_keys
+from srl_jax.program.state import COLLECT, LaneData, Program, TrainState, bind_teachers, on_all, on_rows, rows_sharding
 
 CLONE_NOISE = 0.25  # on pi_B's actions while its healthy experience is collected, so that a clone sees its own errors
 
 
+def make_program(config: Config, layout: Layout, teachers: Sequence[Behaviour]) -> Program:
+    """The static parts of a run's one program, on the first `layout.devices` devices."""
+    mesh = lane_mesh(layout)
+    return Program(
+        agents={algo: registry.agent(config.agent(algo)) for algo in layout.algos},
+        layout=layout,
+        robot=hexapod.make(config.task, config.env, teachers[0].clock_hz),
+        teachers=tuple(teacher.apply for teacher in teachers),
+        settings=config.train,
+        mesh=mesh,
+        wide=mesh.devices.flat[0].platform != "cpu",
+    )
+
+
+def make_lanes(
+    program: Program, config: Config, teachers: Sequence[Behaviour], stream: str, damages: Sequence[str]
+) -> LaneData:
+    """The rows' constants; see `engine.lane_data`."""
+    settings = {algo: config.agent(algo) for algo in program.layout.algos}
+    return lane_data(program, settings, [teacher.params for teacher in teachers], stream, damages)
+
+
 def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
     """Every row's agent before it has learned anything."""
-    size = hexapod.observation_size(program.config.task, program.config.env)
     agents = {}
-    for algo, _ in program.layout.counts:
-        config = program.agent_config(algo)
-        keys = jnp.stack([lane_table.key(lane, "agent") for lane in program.layout.of(algo)])
+    for algo in program.layout.algos:
 
-        def init(key: jax.Array, params: tuple, config=config, algo=algo):
+        def init(key: jax.Array, params: tuple, algo=algo):
             teachers = bind_teachers(program, algo, params)
-            return registry.module(config).init(key, size, ACTION_SIZE, config=config, teachers=teachers)
+            return program.agents[algo].init(key, program.observation_size, ACTION_SIZE, teachers=teachers)
 
-        index = rows_of(program, algo)
+        index = program.layout.rows_of[algo]
         teachers = jax.tree.map(lambda x, index=index: x[index], lanes.teachers)
-        agents[algo] = jax.jit(jax.vmap(init), out_shardings=sharding(program))(on_rows(program, keys), teachers)
+        keys = on_rows(program, lane_keys(program.layout.of(algo), "agent"))
+        agents[algo] = jax.jit(jax.vmap(init), out_shardings=rows_sharding(program))(keys, teachers)
     return agents
 
 
 def init_state(engine: Engine, lanes: LaneData) -> TrainState:
-    """Everything at step 0: random agents, empty replay, robots at the start of an episode."""
+    """Everything at step 0: random agents, empty replays, robots at the start of an episode."""
     program = engine.program
-    rows, capacity = len(program.layout.rows), plan.capacity(program.config)
-    size = replays.width(hexapod.observation_size(program.config.task, program.config.env), ACTION_SIZE)
-    place = sharding(program)
-    empty = jax.jit(lambda: replays.Replay(jnp.zeros((rows, capacity, size))), out_shardings=place)
+    size, capacity = replays.width(program.observation_size, ACTION_SIZE), program.settings.capacity
+    counts = {a: len(program.layout.rows_of[a]) for a, agent in program.agents.items() if agent.replays}
+    empty = jax.jit(
+        lambda: {algo: replays.Replay(jnp.zeros((count, capacity, size))) for algo, count in counts.items()},
+        out_shardings=rows_sharding(program),
+    )
     return TrainState(
         clock=on_all(program, jnp.zeros((), jnp.int32)),
         agents=init_agents(program, lanes),
         replay=empty(),
         world=engine.new_world(lanes),
-        alive=on_rows(program, jnp.ones(rows, bool)),
+        alive=on_rows(program, np.ones(len(program.layout.rows), bool)),
     )
 
 
 def from_behaviour(
-    engine: Engine, state: TrainState, lanes: LaneData, healthy: LaneData, network: bool
+    engine: Engine, state: TrainState, lanes: LaneData, healthy: LaneData, pi_b: Behaviour
 ) -> tuple[TrainState, LaneData]:
     """Collects pi_B's healthy experience, keeps it for replay where asked, and starts actors from pi_B.
 
@@ -63,64 +89,48 @@ def from_behaviour(
         state: at step 0; its world and replay are used up for the collection and made anew.
         lanes: the rows, on the damaged robot.
         healthy: the rows, on the healthy robot.
-        network: whether pi_B's parameters fit the actors.
+        pi_b: the first teacher.
 
     Returns:
         The state at step 0 and `lanes` with the healthy replay.
     """
     program = engine.program
-    config = program.config.train
-    cloned = [a for a, _ in program.layout.counts if getattr(program.agent_config(a), "init", "") == "behaviour"]
-    replayed = replaying(program)
-    if not cloned and not replayed:
+    started = [algo for algo, agent in program.agents.items() if agent.adopt]
+    if not started and not lanes.prior:
         return state, lanes
-    count = config.prior_steps // config.environments
+    steps = program.settings.prior_steps
     state = state._replace(world=engine.new_world(healthy))
-    state, _ = engine.chunk(state, healthy, COLLECT(noise=CLONE_NOISE), count)
-    experience = jax.jit(lambda rows: rows[:, : config.prior_steps])(state.replay.rows)
-    index = {a: rows_of(program, a) for a in {*cloned, *replayed}}
+    state, _ = engine.chunk(
+        state, tallies.empty(program), healthy, COLLECT(noise=CLONE_NOISE), steps // program.environments
+    )
+    experience = {a: replay.rows[:, :steps] for a, replay in state.replay.items() if a in {*started, *lanes.prior}}
     agents = dict(state.agents)
-    for algo in cloned:
-        agents[algo] = start_actor(program, algo, agents[algo], experience[index[algo]], healthy, index[algo], network)
-    prior = {algo: on_rows(program, experience[index[algo]]) for algo in replayed}
+    for algo in started:
+        agents[algo] = start_actor(program, algo, agents[algo], experience[algo], healthy, pi_b)
+    prior = {algo: on_rows(program, experience[algo]) for algo in lanes.prior}
     clock = on_all(program, jnp.zeros((), jnp.int32))
-    state = state._replace(clock=clock, agents=agents, world=engine.new_world(lanes))
-    return state, lanes._replace(prior=prior)
-
-
-def rows_of(program: Program, algo: str) -> np.ndarray:
-    """Indices of one algorithm's rows among all rows: i[n]."""
-    return np.array([i for i, lane in enumerate(program.layout.rows) if lane.algo == algo])
+    return state._replace(clock=clock, agents=agents, world=engine.new_world(lanes)), lanes._replace(prior=prior)
 
 
 def start_actor(
-    program: Program,
-    algo: str,
-    agents: Any,
-    experience: jax.Array,
-    lanes: LaneData,
-    index: np.ndarray,
-    network: bool,
+    program: Program, algo: str, agents: Any, experience: jax.Array, lanes: LaneData, pi_b: Behaviour
 ) -> Any:
-    """Agents whose actors, online and target, are pi_B or its clone."""
-    config = program.agent_config(algo)
+    """Agents that have taken pi_B's actor as their own where it fits their network, its clone otherwise."""
+    agent, index = program.agents[algo], program.layout.rows_of[algo]
+    adopt, network = agent.adopt, agent.network
+    assert adopt is not None and network is not None
     teachers = jax.tree.map(lambda x: x[index], lanes.teachers)
-    if network:
-        actor = teachers[0]
-    else:
-        observations = experience[..., : hexapod.observation_size(program.config.task, program.config.env)]
-        keys = jnp.stack([lane_table.key(lane, "clone") for lane in program.layout.of(algo)])
+    if pi_b.architecture == network.architecture:
+        return adopt(agents, on_rows(program, jax.tree.map(jnp.copy, teachers[0])))
 
-        def lane(args):
-            params, seen, key = args
-            teacher = bind_teachers(program, algo, params)[0]
-            updates = program.config.train.clone_updates
-            return behaviour.clone(teacher, seen, key, config=config, updates=updates, action_size=ACTION_SIZE)[0]
+    def lane(args):
+        params, seen, key = args
+        teacher = bind_teachers(program, algo, params)[0]
+        updates = program.settings.clone_updates
+        return behaviour.clone(teacher, seen, key, config=network, updates=updates, action_size=ACTION_SIZE)[0]
 
-        block = 0 if program.wide else program.config.train.update_block
-        actor = jax.jit(lambda args: blocked_map(jax.vmap(lane), args, block))((teachers, observations, keys))
-    actor = on_rows(program, actor)
-    started = agents._replace(actor=actor)
-    if "target_actor" in agents._fields:
-        started = started._replace(target_actor=jax.tree.map(jnp.copy, actor))  # donated buffers must not alias
-    return started
+    keys = lane_keys(program.layout.of(algo), "clone")
+    block = 0 if program.wide else program.settings.update_block
+    imitate = jax.jit(lambda args: blocked_map(jax.vmap(lane), args, block))
+    actor = imitate((teachers, experience[..., : program.observation_size], keys))
+    return adopt(agents, on_rows(program, actor))

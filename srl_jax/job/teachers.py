@@ -1,24 +1,28 @@
 """Where pi_B comes from, and its fellow teachers: the scripted gait, what is learned or tried first, a finished run."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from srl_jax.agents import behaviour as behaviours
+from srl_jax.agents.settings import ActorConfig
+from srl_jax.agents.sweep import first_values
 from srl_jax.config import Config
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
-from srl_jax.job import checkpoint, plan
-from srl_jax.job import files as output
-from srl_jax.program import lanes as lane_table
+from srl_jax.job import checkpoint, files
+from srl_jax.job.plan import make, parse_algos, parse_teachers
 from srl_jax.program.lanes import Lane
 from srl_jax.types import Params
 
 STUDENTS = ("srl", "ddpg_warm", "ddpg", "acteach")  # whose students are taken from a finished run, first found
+RunJob = Callable[[Config, Path], bool]  # trains what a configuration says into a directory; whether it finished
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,38 +30,39 @@ class Behaviour:
     """pi_B, or one of several: a function of (parameters, observation), and its parameters for every lane."""
 
     apply: Callable[[Params, jax.Array], jax.Array]
-    params: Callable[[Lane], Params]
+    params: Callable[[Sequence[Lane]], Params]  # of n lanes, leaves [n, ...]
     clock_hz: float
-    network: bool = False  # whether an actor of the same architecture can start from its parameters
+    architecture: Any = None  # of actors that can start from its parameters; None: from a clone
 
 
 def scripted_gait() -> Behaviour:
     """The tuned tripod gait as pi_B, the same for every lane."""
     gait = gaits.load()
     frequency, gait = float(gait.frequency), gait._replace(frequency=None)  # the robot's clock has it
-    return Behaviour(gaits.act, lambda lane: gait, frequency)
 
+    def params(lanes: Sequence[Lane]) -> Params:
+        return jax.tree.map(lambda x: jnp.full(len(lanes), x), gait)
 
-def names(config: Config) -> list[str]:
-    """The teachers that a configuration asks for, in order; the first is pi_B."""
-    return [name.strip() for name in config.behaviour.split(",")]
+    return Behaviour(gaits.act, params, frequency)
 
 
 def check(config: Config) -> None:
     """Raises ValueError where `behaviour` names nothing usable."""
-    wanted = names(config)
+    wanted = parse_teachers(config)
     if len(set(wanted)) < len(wanted):
         raise ValueError(f"behaviour is {config.behaviour!r}: name each teacher once.")
     if "repertoire" in wanted and config.damage_schedule:
         raise ValueError(
             "behaviour repertoire tries gaits on one damage and does not go with damage_schedule; leave one out."
         )
-    if "repertoire" in wanted or "ite" in plan.parse_algos(config.algos):
+    if "repertoire" in wanted or "ite" in parse_algos(config.algos):
         from srl_jax.ite.agent import prior_map
 
         prior_map(config.ite.repertoire)
     for name in wanted:
-        if name not in MADE:
+        if MADE.get(name):
+            make(MADE[name](config))
+        elif name not in MADE:
             _check_run(Path(name), config)
 
 
@@ -66,7 +71,7 @@ def _check_run(directory: Path, config: Config) -> None:
         raise ValueError(
             f"behaviour is {str(directory)!r}: give {', '.join(MADE)}, or the directory of a finished run."
         )
-    stored, _ = output.read_config(directory)
+    stored, _ = files.read_config(directory)
     for name, mine, theirs in (
         ("task", config.task, stored.task),
         ("env.observation", config.env.observation, stored.env.observation),
@@ -75,41 +80,35 @@ def _check_run(directory: Path, config: Config) -> None:
             raise ValueError(f"behaviour {directory} was trained with {name}={theirs}, this run has {name}={mine}.")
 
 
-def load(
-    config: Config, directory: Path, devices: int, *, listener: Callable, stopped: Callable[[], bool]
-) -> tuple[Behaviour, ...] | None:
+def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...] | None:
     """The teachers of a run; those that are to be made first are, each in a folder of its own. None if stopped.
+
+    Args:
+        config: of the run.
+        directory: its own.
+        train: does the run that makes a teacher.
 
     Raises:
         ValueError: the finished run has no healthy lane to take pi_B from.
     """
     teachers = []
-    for name in names(config):
+    for name in parse_teachers(config):
         if name == "gait":
             teachers.append(scripted_gait())
             continue
-        path, make = Path(name), MADE.get(name)
-        if make:
+        path, made = Path(name), MADE.get(name)
+        if made:
             path = directory / ("behaviour" if name == "train" else name)
-            unfinished = not (path / "summary.json").exists()
-            if unfinished and not _run(make(config), path, devices, listener, stopped):
+            if not (path / "summary.json").exists() and not train(made(config), path):
                 return None
-        teachers.append(from_trials(path) if name == "repertoire" else from_run(path, config))
+        teachers.append(from_trials(path) if name == "repertoire" else from_run(path))
     return tuple(teachers)
-
-
-def _run(config: Config, path: Path, devices: int, listener: Callable, stopped: Callable[[], bool]) -> bool:
-    """Does the run that makes a teacher; whether it finished."""
-    from srl_jax import loop  # the loop loads teachers, some of which are made by a loop
-
-    return bool(loop.run(config, path, devices, resume=path.exists(), listener=listener, stopped=stopped))
 
 
 def _healthy_run(config: Config) -> Config:
     """Learns a healthy policy per seed by SRL, guided by the gait."""
     healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", damage_schedule="")
-    single = dataclasses.replace(healthy.srl, **{n: v[:1] for n, v in vars(healthy.srl).items() if _swept(v)})
-    return dataclasses.replace(healthy, srl=single)
+    return dataclasses.replace(healthy, srl=first_values(healthy.srl))
 
 
 def _trial_run(config: Config) -> Config:
@@ -124,43 +123,37 @@ def _trial_run(config: Config) -> Config:
 MADE = {"gait": None, "train": _healthy_run, "repertoire": _trial_run}  # teachers that need no finished run
 
 
-def _swept(value: Any) -> bool:
-    return isinstance(value, tuple) and len(value) > 1 and all(isinstance(v, float) for v in value)
-
-
-def from_run(path: Path, config: Config) -> Behaviour:
+def from_run(path: Path) -> Behaviour:
     """The students of a finished run's healthy lanes as pi_B, one per seed (taken in turn if there are fewer)."""
-    stored, devices = output.read_config(path)
-    lanes = plan.make(stored).lanes
+    stored, _ = files.read_config(path)
+    lanes = make(stored).lanes
     algo = next((a for a in STUDENTS if any(lane.algo == a and lane.damage == "healthy" for lane in lanes)), None)
     if algo is None:
         raise ValueError(f"behaviour {path} has no healthy lane: pi_B is taken from a run with --damage healthy.")
-    students = checkpoint.students(path / "checkpoints")[algo]
-    rows = lane_table.lay_out(lanes, devices).of(algo)
-    healthy = {lane.seed: i for i, lane in reversed(list(enumerate(rows))) if lane.damage == "healthy"}
-    seeds = sorted(healthy)
-    agent = getattr(stored, algo)
+    networks, place = checkpoint.networks(path / "checkpoints")[algo]
+    found = [lane for lane in lanes if lane.algo == algo and lane.damage == damage_names.HEALTHY]
+    healthy = {lane.seed: place[lane.index] for lane in reversed(found)}
+    rows = [healthy[seed] for seed in sorted(healthy)]
+    agent = cast(ActorConfig, stored.agent(algo))
 
-    def params(lane: Lane) -> Any:
-        row = healthy.get(lane.seed, healthy[seeds[lane.seed % len(seeds)]])
-        return jax.tree.map(lambda x: x[row], students)
+    def params(lanes: Sequence[Lane]) -> Params:
+        index = np.array([healthy.get(lane.seed, rows[lane.seed % len(rows)]) for lane in lanes])
+        return jax.tree.map(lambda x: x[index], networks["actor"])
 
-    mine = getattr(config, plan.parse_algos(config.algos)[0])
-    shape = lambda agent: (getattr(agent, "hidden", None), getattr(agent, "layer_norm", None))  # noqa: E731
     apply = partial(behaviours.policy, config=agent)
-    return Behaviour(apply, params, float(gaits.load().frequency), network=shape(agent) == shape(mine))
+    return Behaviour(apply, params, float(gaits.load().frequency), agent.architecture)
 
 
 def from_trials(path: Path) -> Behaviour:
     """What every lane's robot found in a repertoire after its damage, by a finished run of `ite`."""
     from srl_jax.ite import agent
 
-    stored, devices = output.read_config(path)
-    rows = lane_table.lay_out(plan.make(stored).lanes, devices).of("ite")
-    students = checkpoint.students(path / "checkpoints")["ite"]
-    found = {(lane.seed, lane.damage): row for row, lane in enumerate(rows)}
+    stored, _ = files.read_config(path)
+    networks, place = checkpoint.networks(path / "checkpoints")["ite"]
+    found = {(lane.seed, lane.damage): place[lane.index] for lane in make(stored).lanes}
 
-    def params(lane: Lane) -> Any:
-        return jax.tree.map(lambda x: x[found[lane.seed, lane.damage]], students)
+    def params(lanes: Sequence[Lane]) -> Params:
+        index = np.array([found[lane.seed, lane.damage] for lane in lanes])
+        return jax.tree.map(lambda x: x[index], networks["actor"])
 
     return Behaviour(agent.policy, params, float(gaits.load().frequency))

@@ -1,35 +1,38 @@
 """The program on its devices: compiled once, with its rows' constants laid beside it."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jax.sharding import Mesh
 
-from srl_jax.agents.hyper import Hyper, from_config
-from srl_jax.config import Config
+from srl_jax.agents import hyper as hypers
+from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
-from srl_jax.env import hexapod
+from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE
-from srl_jax.job.teachers import Behaviour
-from srl_jax.program import lanes as lane_table
 from srl_jax.program import replay as replays
-from srl_jax.program.lanes import Layout
-from srl_jax.program.state import AXIS, LaneData, Mode, Program, Tally, TrainState, World, sharding, zero_tally
-from srl_jax.program.step import init_world, make_chunk
+from srl_jax.program.act import init_world
+from srl_jax.program.lanes import Lane, Layout
+from srl_jax.program.randomness import lane_keys, per_robot
+from srl_jax.program.state import AXIS, LaneData, Mode, Program, TrainState, World, on_all, on_rows, rows_sharding
+from srl_jax.program.step import make_chunk
+from srl_jax.program.tally import Measured, Tally, by_metric
+from srl_jax.types import Params
+
+EVERY = np.iinfo(np.int32).max  # no limit to the episodes that count
 
 
-def make_program(config: Config, layout: Layout, teachers: tuple[Behaviour, ...]) -> Program:
-    """The static parts of a run's one program, on the first `layout.devices` devices."""
-    robot = hexapod.make(config.task, config.env, teachers[0].clock_hz)
+def lane_mesh(layout: Layout) -> Mesh:
+    """A mesh of the first `layout.devices` devices."""
     devices = jax.devices()[: layout.devices]
     mesh = jax.make_mesh((layout.devices,), (AXIS,), (jax.sharding.AxisType.Auto,), devices=devices)
     assert isinstance(mesh, Mesh)
-    return Program(config, layout, robot, tuple(t.apply for t in teachers), mesh, devices[0].platform != "cpu")
+    return mesh
 
 
 class Engine:
@@ -40,11 +43,15 @@ class Engine:
         self.compile_seconds = 0.0
         self._chunk = make_chunk(program)
         self._compiled: Callable | None = None
-        self._new_world = jax.jit(partial(init_world, program), out_shardings=sharding(program))
+        self._new_world = jax.jit(partial(_new_world, program), out_shardings=rows_sharding(program))
+        gauges = {algo: agent.gauge for algo, agent in program.agents.items() if agent.gauge}
+        self._gauges = jax.jit(lambda agents: {a: jax.vmap(gauge)(agents[a]) for a, gauge in gauges.items()})
 
-    def chunk(self, state: TrainState, lanes: LaneData, mode: Mode, steps: int) -> tuple[TrainState, Tally]:
-        """Advances every lane by `steps` vector steps; compiles at the first call. `state` is donated."""
-        args = (state, lanes, *on_all(self.program, (mode, jnp.int32(steps))))
+    def chunk(
+        self, state: TrainState, tally: Tally, lanes: LaneData, mode: Mode, steps: int
+    ) -> tuple[TrainState, Tally]:
+        """Advances every lane by `steps` vector steps; compiles at the first call. `state` and `tally` are donated."""
+        args = (state, tally, lanes, *on_all(self.program, (mode, jnp.int32(steps))))
         compiled = self._compiled
         if compiled is None:
             start = time.perf_counter()
@@ -52,97 +59,84 @@ class Engine:
             self.compile_seconds = time.perf_counter() - start
         return compiled(*args)
 
-    def new_world(self, lanes: LaneData) -> World:
-        """Robots at the start of an episode, by the rows' keys and damage."""
-        return self._new_world(lanes.key, lanes.damage)
+    def new_world(self, lanes: LaneData, first: int = 0, limit: int = EVERY) -> World:
+        """Robots at the start of an episode, by the rows' keys and damage.
+
+        Args:
+            lanes: the rows.
+            first: number of the first robot's episode; the i-th episode's start depends on i, not on E.
+            limit: episodes from this number on are not counted by a tally of first episodes.
+        """
+        return self._new_world(lanes.key, lanes.damage, jnp.int32(first), jnp.int32(limit))
+
+    def gauges(self, agents: dict[str, Any]) -> dict[str, Measured]:
+        """The running totals of the agents that have some, by metric."""
+        return by_metric(self.program, jax.device_get(self._gauges(agents)))
 
 
-def on_rows(program: Program, rows: Any) -> Any:
-    """Puts a pytree of host arrays with a leading row axis onto the program's devices."""
-    return jax.device_put(rows, sharding(program))
+def _new_world(program: Program, keys: jax.Array, damage: Damage, first: jax.Array, limit: jax.Array) -> World:
+    world = init_world(program, per_robot(keys, first, program.environments), damage)
+    beyond = (first + jnp.arange(program.environments) >= limit).astype(jnp.float32)
+    finished = jnp.broadcast_to(beyond[None], keys.shape + beyond.shape)
+    return world._replace(episode=world.episode._replace(finished=finished))
 
 
-def on_all(program: Program, value: Any) -> Any:
-    """Puts what all rows share onto every one of the program's devices."""
-    return jax.device_put(value, NamedSharding(program.mesh, PartitionSpec()))
+def lane_data(
+    program: Program,
+    settings: dict[str, AgentSettings],
+    teachers: Sequence[Callable[[Sequence[Lane]], Params]],
+    stream: str,
+    damage_names: Sequence[str],
+) -> LaneData:
+    """The rows' keys for a stream of randomness, their damage, hyper-parameters and teachers; no healthy replay yet.
 
-
-def stack(trees: list[Any]) -> Any:
-    return jax.tree.map(lambda *x: jnp.stack(x), *trees)
-
-
-def lane_data(program: Program, teachers: tuple[Behaviour, ...], stream: str, damage_names: list[str]) -> LaneData:
-    """The rows' keys for a stream of randomness, their damage, hyper-parameters and teachers; no healthy replay yet."""
+    Args:
+        program: static parts.
+        settings: of every algorithm.
+        teachers: for each of the program's teachers, the parameters of n lanes, leaves [n, ...].
+        stream: name of the stream.
+        damage_names: one per row.
+    """
     layout = program.layout
-    hyper: dict[str, Hyper] = {
-        algo: stack([from_config(program.agent_config(algo), **dict(lane.variant)) for lane in layout.of(algo)])
-        for algo, _ in layout.counts
-    }
+    chosen = {algo: [dict(lane.variant) for lane in layout.of(algo)] for algo in layout.algos}
     data = LaneData(
-        key=jnp.stack([lane_table.key(lane, stream) for lane in layout.rows]),
+        key=lane_keys(layout.rows, stream),
         damage=damage_rows(damage_names),
-        hyper=hyper,
-        teachers=tuple(stack([t.params(lane) for lane in layout.rows]) for t in teachers),
+        hyper={algo: hypers.stack(settings[algo], rows) for algo, rows in chosen.items()},
+        teachers=tuple(params(layout.rows) for params in teachers),
         prior=empty_prior(program),
     )
     return on_rows(program, data)
 
 
-def damage_rows(names: list[str]) -> damages.Damage:
+def damage_rows(names: Sequence[str]) -> Damage:
     """One damage per row; each name is built once."""
-    unique = sorted(set(names))
-    index = np.array([unique.index(name) for name in names])
+    unique = list(dict.fromkeys(names))
+    place = {name: index for index, name in enumerate(unique)}
+    index = np.array([place[name] for name in names])
     return jax.tree.map(lambda x: x[index], damages.stack(unique))
 
 
-def with_damage(program: Program, lanes: LaneData, names: list[str]) -> LaneData:
+def with_damage(program: Program, lanes: LaneData, names: Sequence[str]) -> LaneData:
     """The same rows under other damage, one name per row."""
     return lanes._replace(damage=on_rows(program, damage_rows(names)))
 
 
-def stream_keys(program: Program, stream: str) -> jax.Array:
-    """The rows' keys for a stream of randomness."""
-    return on_rows(program, jnp.stack([lane_table.key(lane, stream) for lane in program.layout.rows]))
+def with_stream(program: Program, lanes: LaneData, stream: str) -> LaneData:
+    """The same rows with the keys of another stream of randomness."""
+    return lanes._replace(key=on_rows(program, lane_keys(program.layout.rows, stream)))
 
 
-def empty_tally(program: Program) -> Tally:
-    """A tally of nothing for all rows, on the devices."""
-    rows = {algo: len(program.layout.of(algo)) for algo, _ in program.layout.counts}
-    tally = zero_tally(program, jnp.zeros(len(program.layout.rows)), rows)
-    by_row = {name: on_rows(program, getattr(tally, name)) for name in Tally._fields if name != "updates"}
-    return Tally(**by_row, updates=on_all(program, tally.updates))
-
-
-def means(program: Program, tally: Tally, training: bool) -> list[dict[str, float]]:
-    """A tally's means, row by row: per episode, and in training also per step and per update; NaN of nothing."""
-    sums = [tally.totals, *([tally.rates] if training else [])]
-    counts = [tally.episodes, tally.steps]
-    position = {algo: 0 for algo, _ in program.layout.counts}
-    result = []
-    for row, lane in enumerate(program.layout.rows):
-        values = {}
-        for found, count in zip(sums, counts, strict=False):
-            values |= {name: _mean(total[row], count[row]) for name, total in found.items()}
-        if training:
-            losses, index = tally.losses[lane.algo], position[lane.algo]
-            values |= {name: _mean(loss[index], tally.updates) for name, loss in losses.items()}
-        position[lane.algo] += 1
-        result.append(values)
-    return result
-
-
-def _mean(total: Any, count: Any) -> float:
-    return float(total) / float(count) if count else float("nan")
-
-
-def replaying(program: Program) -> list[str]:
-    """The algorithms that replay healthy transitions."""
-    fractions = {a: getattr(program.agent_config(a), "prior_fraction", (0.0,)) for a, _ in program.layout.counts}
-    return [algo for algo, values in fractions.items() if max(values) > 0.0]
+def reopened(program: Program, agents: dict[str, Any], clock: int) -> dict[str, Any]:
+    """The agents after they were told that the damage has changed; most learn on and ask for nothing."""
+    now = jnp.int32(clock // program.environments)
+    told = {algo: agent.reopen for algo, agent in program.agents.items() if agent.reopen}
+    new = {algo: jax.jit(jax.vmap(told[algo], (0, None)))(agents[algo], now) for algo in told}
+    return agents | {algo: on_rows(program, state) for algo, state in new.items()}
 
 
 def empty_prior(program: Program) -> dict[str, jax.Array]:
     """Room for the healthy transitions of the algorithms that replay them."""
-    size = replays.width(hexapod.observation_size(program.config.task, program.config.env), ACTION_SIZE)
-    steps = program.config.train.prior_steps
-    return {algo: jnp.zeros((len(program.layout.of(algo)), steps, size)) for algo in replaying(program)}
+    size, steps = replays.width(program.observation_size, ACTION_SIZE), program.settings.prior_steps
+    healthy = [algo for algo, agent in program.agents.items() if agent.replays_healthy]
+    return {algo: jnp.zeros((len(program.layout.rows_of[algo]), steps, size)) for algo in healthy}

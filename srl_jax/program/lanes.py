@@ -1,12 +1,13 @@
-"""The lane table: which algorithm x seed x damage x variant a row of the arrays is, and how rows lie over devices."""
+"""The lane table: which algorithm x seed x damage x variant a row of the arrays is, and how rows lie over devices.
 
-import zlib
+This module imports no jax, so that lanes can be counted before devices are set up.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-import jax
-
-from srl_jax.agents.hyper import variants
-from srl_jax.config import Config
+import numpy as np
 
 Variant = tuple[tuple[str, float], ...]
 
@@ -27,6 +28,11 @@ class Lane:
         """Swept hyper-parameters as text, empty where none is swept."""
         return " ".join(f"{name}={value:g}" for name, value in self.variant)
 
+    @property
+    def method(self) -> str:
+        """Algorithm and variant: what lanes share that differ by seed and damage only."""
+        return f"{self.algo} {self.label}".strip()
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -41,12 +47,24 @@ class Layout:
     padding: tuple[bool, ...]  # rows that only fill up; their results are dropped
 
     @property
-    def rows_per_device(self) -> int:
-        return sum(count for _, count in self.counts)
+    def algos(self) -> tuple[str, ...]:
+        """The algorithms, in the order of their rows on a device."""
+        return tuple(algo for algo, _ in self.counts)
 
     def of(self, algo: str) -> tuple[Lane, ...]:
         """The rows of one algorithm, in the order of that algorithm's arrays."""
-        return tuple(lane for lane in self.rows if lane.algo == algo)
+        return tuple(self.rows[i] for i in self.rows_of[algo])
+
+    @cached_property
+    def rows_of(self) -> dict[str, np.ndarray]:
+        """Where each algorithm's rows lie among all rows: algorithm -> i[n]."""
+        names = np.array([lane.algo for lane in self.rows])
+        return {algo: np.flatnonzero(names == algo) for algo in self.algos}
+
+    @cached_property
+    def lanes(self) -> np.ndarray:
+        """The index of every row's lane, i[R]; -1 for padding."""
+        return np.array([-1 if pad else row.index for row, pad in zip(self.rows, self.padding, strict=True)])
 
     def slices(self) -> dict[str, slice]:
         """Where each algorithm's rows lie among the rows of one device."""
@@ -57,27 +75,16 @@ class Layout:
         return result
 
 
-def table(config: Config, seeds: tuple[int, ...], algos: tuple[str, ...], damages: tuple[str, ...]) -> list[Lane]:
-    """Every lane of a run, numbered: algorithms, their variants, damages, seeds."""
-    keys = [
-        (algo, seed, config.task, damage, tuple(variant.items()))
-        for algo in algos
-        for variant in variants(getattr(config, algo))
-        for damage in damages
-        for seed in seeds
-    ]
-    return [Lane(index, *key) for index, key in enumerate(keys)]
-
-
-def lay_out(lanes: list[Lane], devices: int) -> Layout:
+def lay_out(lanes: Sequence[Lane], devices: int) -> Layout:
     """Splits each algorithm's lanes evenly over the devices; the last lane fills up what does not divide."""
-    algos = list(dict.fromkeys(lane.algo for lane in lanes))
+    own: dict[str, list[Lane]] = {}
+    for lane in lanes:
+        own.setdefault(lane.algo, []).append(lane)
     shares: list[list[tuple[Lane, bool]]] = [[] for _ in range(devices)]
     counts = []
-    for algo in algos:
-        own = [lane for lane in lanes if lane.algo == algo]
-        count = -(-len(own) // devices)
-        padded = [(lane, False) for lane in own] + [(own[-1], True)] * (count * devices - len(own))
+    for algo, rows in own.items():
+        count = -(-len(rows) // devices)
+        padded = [(lane, False) for lane in rows] + [(rows[-1], True)] * (count * devices - len(rows))
         for device in range(devices):
             shares[device] += padded[device * count : (device + 1) * count]
         counts.append((algo, count))
@@ -90,11 +97,18 @@ def lay_out(lanes: list[Lane], devices: int) -> Layout:
     )
 
 
-def key(lane: Lane, stream: str) -> jax.Array:
-    """A lane's root key for one stream of randomness.
+def moved(old: Sequence[int], new: Sequence[Lane]) -> np.ndarray:
+    """For each new row, the old row of the same lane: i[n].
 
-    It depends on seed, task and damage only: lanes that differ in their algorithm share starts and noise, and a lane's
-    numbers do not depend on which others run beside it.
+    Args:
+        old: lane index of each old row; of a lane's several rows (padding) the first counts.
+        new: the rows of another layout.
+
+    Raises:
+        ValueError: a lane is not among the old ones.
     """
-    condition = zlib.crc32(f"{lane.task}/{lane.damage}/{stream}".encode())
-    return jax.random.fold_in(jax.random.fold_in(jax.random.key(0), lane.seed), condition)
+    place = {lane: row for row, lane in reversed(list(enumerate(old)))}
+    missing = sorted({lane.index for lane in new} - place.keys())
+    if missing:
+        raise ValueError(f"lanes {missing[:5]} are not among those that were stored.")
+    return np.array([place[lane.index] for lane in new])

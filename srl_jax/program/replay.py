@@ -10,14 +10,14 @@ from srl_jax.types import Transition
 
 
 class Replay(NamedTuple):
-    """Capacity C of transitions of width W = 2 O + A + 3."""
+    """Capacity C of transitions of width W = 2 O + A + 4."""
 
     rows: jax.Array  # f32[C, W]
 
 
 def width(observation_size: int, action_size: int) -> int:
     """Floats in one packed transition."""
-    return 2 * observation_size + action_size + 3
+    return 2 * observation_size + action_size + 4
 
 
 def init(capacity: int, observation_size: int, action_size: int) -> Replay:
@@ -28,7 +28,7 @@ def init(capacity: int, observation_size: int, action_size: int) -> Replay:
 def pack(transition: Transition) -> jax.Array:
     """A transition (any leading axes) as f32[..., W]."""
     t = transition
-    scalars = jnp.stack([t.reward, t.discount, t.chosen], axis=-1).astype(jnp.float32)
+    scalars = jnp.stack([t.reward, t.discount, t.chosen, t.lot], axis=-1).astype(jnp.float32)
     return jnp.concatenate([t.observation, t.next_observation, t.action, scalars], axis=-1)
 
 
@@ -38,10 +38,11 @@ def unpack(rows: jax.Array, observation_size: int) -> Transition:
     return Transition(
         observation=rows[..., :o],
         next_observation=rows[..., o : 2 * o],
-        action=rows[..., 2 * o : -3],
-        reward=rows[..., -3],
-        discount=rows[..., -2],
-        chosen=rows[..., -1],
+        action=rows[..., 2 * o : -4],
+        reward=rows[..., -4],
+        discount=rows[..., -3],
+        chosen=rows[..., -2],
+        lot=rows[..., -1],
     )
 
 

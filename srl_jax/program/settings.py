@@ -27,3 +27,11 @@ class TrainConfig:
     """Lanes whose physics is stepped together on a CPU (cache-sized); 0: all at once, as on a GPU."""
     update_block: int = 4
     """Lanes that learn together on a CPU (cache-sized); 0: all at once, as on a GPU."""
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """How students are judged: alone, without noise, from starts that are the same in every evaluation."""
+
+    episodes: int = 10
+    """Episodes of each lane; the i-th start depends on seed and damage, not on how many environments train."""

@@ -1,4 +1,4 @@
-"""What the compiled program is made of and works on: its static parts, its rows, its state and its sums."""
+"""What the compiled program is made of and works on: its static parts, its rows and its state."""
 
 import dataclasses
 from collections.abc import Callable
@@ -7,20 +7,18 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.sharding import Mesh, NamedSharding
-from jax.sharding import PartitionSpec as P
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jax.tree_util import Partial
 
-from srl_jax.agents import ddpg, registry
 from srl_jax.agents.hyper import Hyper
-from srl_jax.bayes import controller
-from srl_jax.config import Config
+from srl_jax.agents.interface import Agent, Teacher
 from srl_jax.env import gait as gaits
+from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
-from srl_jax.env.hexapod import ACTION_SIZE, EnvState, Hexapod
-from srl_jax.env.task import RewardTerms
+from srl_jax.env.hexapod import EnvState, Hexapod
 from srl_jax.program.lanes import Layout
 from srl_jax.program.replay import Replay
+from srl_jax.program.settings import TrainConfig
 from srl_jax.types import ActState, Params
 
 AXIS = "lanes"
@@ -29,7 +27,7 @@ AXIS = "lanes"
 class Mode(NamedTuple):
     """Who acts and what comes of it; scalars, so that training, evaluation and collection are one program."""
 
-    actor: jax.Array  # i32[] 0 the algorithm, noise included; 1 the student alone; 2 pi_B alone
+    actor: jax.Array  # i32[] 0 the algorithm, noise included; 1 the student alone; 2 pi_B alone; 3 the tuned tripod
     noise: jax.Array  # f32[] standard deviation of noise on pi_B's actions (actor 2)
     store: jax.Array  # bool[] whether transitions enter the replay
     learn: jax.Array  # bool[] whether agents update
@@ -44,6 +42,7 @@ TRAIN = partial(mode, 0, store=True, learn=True)
 STUDENT = partial(mode, 1)
 TEACHER = partial(mode, 2)
 COLLECT = partial(mode, 2, store=True)
+REFERENCE = partial(mode, 3)
 
 
 class LaneData(NamedTuple):
@@ -78,88 +77,63 @@ class TrainState(NamedTuple):
 
     clock: jax.Array  # i32[] environment steps taken by every lane
     agents: dict[str, Any]  # leaves [n, ...]
-    replay: Replay  # rows f32[R, C, W]
+    replay: dict[str, Replay]  # rows f32[n, C, W], of the algorithms that replay
     world: World
     alive: jax.Array  # bool[R] False once a lane has met a number that is not finite; it is frozen then
-
-
-class Tally(NamedTuple):
-    """Sums over a chunk; a mean is a sum over its count."""
-
-    episodes: jax.Array  # f32[R]
-    totals: dict[str, jax.Array]  # f32[R] summed over finished episodes: return, distance, success, fell
-    steps: jax.Array  # f32[R]
-    rates: dict[str, jax.Array]  # f32[R] summed over environment steps: who was chosen, reward terms
-    updates: jax.Array  # f32[]
-    losses: dict[str, dict[str, jax.Array]]  # f32[n] summed over updates, per algorithm
 
 
 @dataclasses.dataclass(frozen=True)
 class Program:
     """The static parts that `chunk` is compiled from."""
 
-    config: Config
+    agents: dict[str, Agent]  # of every algorithm of the layout
     layout: Layout
     robot: Hexapod
     teachers: tuple[Callable[[Params, jax.Array], jax.Array], ...]  # (params, observation) -> action
+    settings: TrainConfig
     mesh: Mesh
     wide: bool  # an accelerator: no blocks
 
-    def agent_config(self, algo: str) -> Any:
-        return getattr(self.config, algo)
-
     @property
     def environments(self) -> int:
-        return self.config.train.environments
+        return self.settings.environments
+
+    @property
+    def observation_size(self) -> int:
+        return hexapod.observation_size(self.robot.task, self.robot.config)
 
 
-def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[ddpg.Teacher, ...]:
+def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[Teacher, ...]:
     """The teachers of an algorithm's lane, each a function of the observation and a pytree of its parameters."""
-    if getattr(program.agent_config(algo), "policy", "behaviour") == "tripod":
-        return (Partial(gaits.act, gaits.load()),)
+    if program.agents[algo].own_gait:
+        return (tuned_tripod(),)
     return tuple(Partial(teacher, p) for teacher, p in zip(program.teachers, params, strict=True))
+
+
+def tuned_tripod() -> Partial:
+    """The scripted gait that ships with the package: the reference that all methods share, whatever pi_B is."""
+    return Partial(gaits.act, gaits.load())
 
 
 def student(program: Program, algo: str, actor: Params, params: tuple[Params, ...]) -> Partial:
     """The policy f32[O] -> f32[18] that an algorithm has learned, from one lane's actor and teachers' parameters."""
-    config = program.agent_config(algo)
 
     def policy(actor: Params, params: tuple[Params, ...], observation: jax.Array) -> jax.Array:
-        teachers = bind_teachers(program, algo, params)
-        return registry.module(config).student(actor, observation, config=config, teachers=teachers)
+        return program.agents[algo].student(actor, observation, teachers=bind_teachers(program, algo, params))
 
     return Partial(policy, actor, params)
 
 
-def sharding(program: Program) -> NamedSharding:
+def rows_sharding(program: Program) -> NamedSharding:
     """Rows laid over the program's devices."""
-    return NamedSharding(program.mesh, P(AXIS))
+    return NamedSharding(program.mesh, PartitionSpec(AXIS))
 
 
-def fresh_act_state(key: jax.Array) -> ActState:
-    """No noise, the student in command, a new seed: the state of acting at the start of an episode."""
-    return ActState(noise=jnp.zeros(ACTION_SIZE), guidance=controller.init(), seed=jax.random.bits(key))
+def on_rows(program: Program, rows: Any) -> Any:
+    """Puts a pytree of host arrays with a leading row axis onto the program's devices."""
+    return jax.device_put(rows, rows_sharding(program))
 
 
-def zero_tally(program: Program, zeros: Any, rows: dict[str, int]) -> Tally:
-    """A tally of nothing yet.
-
-    Args:
-        program: static parts.
-        zeros: f32[R], one zero per row.
-        rows: how many of them each algorithm has.
-    """
-    terms = [f"reward_{name}" for name in RewardTerms._fields]
-    losses = {
-        algo: {name: zeros[:count] for name in registry.module(program.agent_config(algo)).METRICS}
-        for algo, count in rows.items()
-    }
-    chosen = [f"chosen_{index}" for index in range(1, 1 + len(program.teachers))]
-    return Tally(
-        episodes=zeros,
-        totals={name: zeros for name in ("return", "distance", "success", "fell")},
-        steps=zeros,
-        rates={name: zeros for name in ("chosen_teacher", *(chosen if len(chosen) > 1 else []), *terms)},
-        updates=zeros[0],
-        losses=losses,
-    )
+def on_all(program: Program, value: Any) -> Any:
+    """Puts what all rows share onto every one of the program's devices."""
+    return jax.device_put(value, NamedSharding(program.mesh, PartitionSpec()))

@@ -1,0 +1,120 @@
+"""What a run will cost in memory and operations, by arithmetic before anything is allocated; waves of lanes to fit."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+
+from srl_jax.agents import registry
+from srl_jax.agents.settings import DDPGConfig
+from srl_jax.config import Config
+from srl_jax.env.hexapod import ACTION_SIZE, observation_size
+from srl_jax.program.lanes import Lane, lay_out
+from srl_jax.program.replay import width
+from srl_jax.program.state import tuned_tripod
+
+BASE = 2**30  # the process with its libraries and programs
+FLOAT = 4
+
+
+class Bytes(NamedTuple):
+    """What a run allocates, by purpose. A checkpoint copies what the next chunk would write into."""
+
+    replay: int
+    agents: int
+    checkpoint: int
+    program: int
+
+    def __str__(self) -> str:
+        parts = " + ".join(f"{value / 2**30:.2f} GiB {name}" for name, value in self._asdict().items())
+        return f"{parts} = {sum(self) / 2**30:.2f} GiB"
+
+
+def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
+    """The arithmetic for lanes that are trained at once: rows x capacity x (2 O + A + 4) floats, and the networks."""
+    size = observation_size(config.task, config.env)
+    row, replay, copied, agents = width(size, ACTION_SIZE) * FLOAT, 0, 0, 0
+    for algo, count in lay_out(lanes, devices).counts:
+        rows = count * devices
+        agents += rows * agent_bytes(config, algo)
+        if registry.agent(config.agent(algo)).replays:
+            replay += rows * config.train.capacity * row
+            copied += rows * min(config.train.capacity, config.steps) * row
+    return Bytes(replay, agents, copied + agents, BASE)
+
+
+def agent_bytes(config: Config, algo: str) -> int:
+    """Bytes of one lane's agent, optimisers included, without allocating it."""
+    return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(_shapes(config, algo)))
+
+
+def _shapes(config: Config, algo: str) -> Any:
+    agent, size = registry.agent(config.agent(algo)), observation_size(config.task, config.env)
+    return jax.eval_shape(lambda key: agent.init(key, size, ACTION_SIZE, teachers=(tuned_tripod(),)), jax.random.key(0))
+
+
+def waves(config: Config, lanes: Sequence[Lane], devices: int) -> list[list[Lane]]:
+    """The lanes in as few parts as fit `memory_gb`, each with its share of every algorithm; mostly all in one.
+
+    Raises:
+        ValueError: not even one lane of each algorithm and device fits.
+    """
+    by_algo: dict[str, list[Lane]] = {}
+    for lane in lanes:
+        by_algo.setdefault(lane.algo, []).append(lane)
+    most = max(len(own) for own in by_algo.values())
+    for parts in range(1, most + 1):
+        cut = [_part(by_algo, number, parts) for number in range(parts)]
+        cost = needed(config, cut[0], devices)
+        if sum(cost) <= config.memory_gb * 2**30:
+            return cut
+    raise ValueError(
+        f"memory_gb is {config.memory_gb:g}, but a single lane of each algorithm needs more ({cost}); "
+        "raise it, or lower train.capacity."
+    )
+
+
+def _part(by_algo: dict[str, list[Lane]], number: int, parts: int) -> list[Lane]:
+    """Part `number` of every algorithm's lanes, in blocks of equal size, so that all parts compile to one program."""
+    found = []
+    for own in by_algo.values():
+        size = -(-len(own) // parts)
+        found += own[number * size : (number + 1) * size]
+    return found
+
+
+def operations(config: Config, lanes: Sequence[Lane]) -> float:
+    """Floating-point operations of the updates of all lanes, at least: products of matrices in actor and critics."""
+    updates = config.steps / (config.train.environments * config.train.update_every)
+    total = 0.0
+    for algo in dict.fromkeys(lane.algo for lane in lanes):
+        settings, agent = config.agent(algo), registry.agent(config.agent(algo))
+        if not agent.replays or agent.network is None:
+            continue
+        shapes = _shapes(config, algo)
+        actor, critic = (sum(x.size for x in jax.tree.leaves(part)) for part in (shapes.actor, shapes.critic))
+        steps = settings.critic_updates if isinstance(settings, DDPGConfig) else 1
+        # Forward 2 operations a parameter and sample, backward 4; the critic's target, its step, then the actor's step.
+        each = agent.batch_size * (2 * (actor + critic) + 6 * critic) + agent.batch_size / steps * 6 * (actor + critic)
+        total += each * updates * sum(lane.algo == algo for lane in lanes)
+    return total
+
+
+def describe(config: Config, parts: Sequence[Sequence[Lane]], devices: int) -> str:
+    """What a run will cost, in a sentence or two for the reader of a terminal."""
+    lanes = [lane for part in parts for lane in part]
+    cost = needed(config, parts[0], devices)
+    count = operations(config, lanes)
+    said = f"{len(lanes)} lanes x {config.steps:,} steps; memory {cost}"
+    if len(parts) > 1:
+        said += f", in {len(parts)} waves of {len(parts[0])} lanes"
+    if count:
+        said += f"; learning at least {count:.1e} operations, {_duration(count / 1e11)} at 100 GFLOP/s"
+    return said + "."
+
+
+def _duration(seconds: float) -> str:
+    for unit, name in ((365.25 * 86_400, "years"), (86_400, "days"), (3_600, "hours"), (60, "minutes")):
+        if seconds >= 2 * unit:
+            return f"{seconds / unit:.0f} {name}"
+    return f"{seconds:.0f} seconds"
