@@ -17,8 +17,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.bayes import dropout, value
-from srl_jax.cli.run import leave
+from srl_jax.bayes import dropout, value, value_network
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env.hexapod import Hexapod
@@ -63,9 +63,13 @@ def roll(robot: Hexapod, teacher, noise: float, steps: int, damage, key: jax.Arr
     return jnp.concatenate([first[None], seen]), length, at_end(success) & ~at_end(fell), at_end(fell)
 
 
-def predict(params, observations: jax.Array, masks: tuple, config: value.ValueConfig) -> value.Posterior:
+def predict(
+    params, observations: jax.Array, masks: tuple, config: value_network.ValueConfig
+) -> value_network.Posterior:
     """Mean and standard deviation of every field at observations f32[N, O]."""
-    return jax.vmap(lambda o: value.posterior(value.draws(params, o, masks, config=config)))(observations)
+    return jax.vmap(lambda o: value_network.posterior(value_network.draws(params, o, masks, config=config)))(
+        observations
+    )
 
 
 def main() -> None:
@@ -84,8 +88,8 @@ def main() -> None:
     data = value.healthy_episodes(
         seen[:, : arguments.seen + 1], np.minimum(length, arguments.seen), success & ~cut, fell & ~cut
     )
-    config = value.ValueConfig()
-    fit = jax.jit(jax.vmap(lambda key: value.fit(data, key, config=config)))
+    config = value_network.ValueConfig()
+    fit = jax.jit(jax.vmap(lambda key: value_network.fit(data, key, config=config)))
     found = fit(jax.random.split(fit_key, arguments.members))
     shape = (arguments.members, arguments.masks)
     masks = dropout.sample_masks(mask_key, config.hidden, shape, jnp.float32(config.dropout))
