@@ -16,8 +16,8 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from srl_jax.cli.ending import leave
 from srl_jax.cli.progress import results
-from srl_jax.cli.run import differences, leave
 from srl_jax.job import files as output
 from srl_jax.report import data as report
 
@@ -36,7 +36,8 @@ def check(directories: tuple[Path, ...]) -> None:
     first, _ = output.read_config(directories[0])
     for directory in directories[1:]:
         other, _ = output.read_config(directory)
-        changed = [name for name in differences(vars(first), vars(other)) if name not in ("algos", "memory_gb")]
+        free = ("algos", "more", "devices", "memory_gb")
+        changed = [name for name in output.differences(vars(first), vars(other)) if name not in free]
         if changed:
             raise ValueError(f"{directory} differs from {directories[0]} in {', '.join(changed)}: no fair table.")
 

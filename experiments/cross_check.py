@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from srl_jax.agents.ddpg import student
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, hexapod
 from srl_jax.evaluate import Rollout, converged_model, rollout_c, rollout_mjx

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import tyro
 
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.report import data as report
 from srl_jax.report.curves import save_panels
 

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from srl_jax import statistics
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.model import LEGS

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 import tyro
 
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import gait as gaits
 from srl_jax.env import hexapod

@@ -11,7 +11,7 @@ import imageio.v3 as imageio
 import numpy as np
 import tyro
 
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.report import video
 
 

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from srl_jax.agents.ddpg import critic_fn, student
 from srl_jax.bayes import calibration, dropout, guidance, thompson
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import EnvState, Hexapod

@@ -21,7 +21,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from srl_jax.blocks import blocked_map
-from srl_jax.cli.run import leave
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env.settings import EnvConfig

@@ -19,7 +19,8 @@ from mujoco import rollout
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.cli.run import leave, use_devices
+from srl_jax.cli.devices import use_devices
+from srl_jax.cli.ending import leave
 
 
 @dataclasses.dataclass(frozen=True)
