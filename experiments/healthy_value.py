@@ -21,10 +21,9 @@ from srl_jax.bayes import dropout, value, value_network
 from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
+from srl_jax.env import gait as gaits
 from srl_jax.env.hexapod import Hexapod
 from srl_jax.env.settings import EnvConfig
-from srl_jax.job import teachers as sources
-from srl_jax.program.lanes import Lane
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,21 @@ def predict(
     )
 
 
-def main() -> None:
-    """Rolls out, fits, prints one line per damage."""
-    arguments = tyro.cli(Arguments)
-    gait = sources.scripted_gait()
-    robot = hexapod.make("p2p", EnvConfig(episode_steps=arguments.whole), gait.clock_hz)
-    teacher = partial(gait.apply, gait.params(Lane(0, "pi_b", 0, "p2p", "healthy")))
+def main(arguments: Arguments) -> None:
+    """Rolls out, fits, prints one line per damage.
+
+    Raises:
+        ValueError: a number below 1, noise below 0, or a bad damage name.
+    """
+    for name in ("episodes", "seen", "whole", "members", "masks"):
+        if getattr(arguments, name) < 1:
+            raise ValueError(f"{name} is {getattr(arguments, name)}; at least 1 is needed.")
+    if arguments.noise < 0.0:
+        raise ValueError(f"noise is {arguments.noise}; at least 0 is needed.")
+    damaged = {name: damages.build(name) for name in arguments.damage}
+    gait = gaits.load()
+    robot = hexapod.make("p2p", EnvConfig(episode_steps=arguments.whole), float(gait.frequency))
+    teacher = partial(gaits.act, gait)
     one = partial(roll, robot, teacher, arguments.noise, arguments.whole)
     rolled = jax.jit(jax.vmap(one, (None, 0)))
     train_key, fit_key, mask_key, test_key = jax.random.split(jax.random.key(arguments.seed), 4)
@@ -99,9 +107,9 @@ def main() -> None:
     console.print(f"{arguments.episodes} healthy episodes, {cut.mean():.0%} truncated at {arguments.seen} steps")
     names = ("damage", "P(success) predicted", "of rollouts", "steps predicted", "of rollouts", "V_B", "std of V_B")
     table = Table(*names, box=None)
-    for number, name in enumerate(arguments.damage):
+    for number, (name, broken) in enumerate(damaged.items()):
         keys = jax.random.split(jax.random.fold_in(test_key, number), arguments.episodes)
-        seen, length, success, _ = jax.device_get(rolled(damages.build(name), keys))
+        seen, length, success, _ = jax.device_get(rolled(broken, keys))
         at = judge(jnp.asarray(seen[:, 0]))
         # The predicted steps are those of the mean discount, so those of the rollouts are too.
         discount = np.mean(config.gamma ** (length[success] - 1.0)) if success.any() else np.nan
@@ -113,4 +121,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    leave(main)
+    leave(main, tyro.cli(Arguments))

@@ -16,13 +16,14 @@ from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import gait as gaits
 from srl_jax.env import hexapod
+from srl_jax.env.damage_names import canonical
 from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import Policy, Rollout, converged_model, rollout_c, rollout_mjx
 
 KINDS = (
     "healthy",
     *(f"{segment}_rm{kind}" for segment in ("coxa", "femur", "tibia") for kind in ("", ":limp", ":locked")),
-    *("leg_rm", "leg_lf:limp", "leg_rf+leg_lr"),
+    *("leg_lf:limp", "leg_rf+leg_lr"),
 )
 WALKS = (
     "healthy",
@@ -52,7 +53,7 @@ def differences(robot: hexapod.Hexapod, policy: Policy, keys: jax.Array) -> None
     """Prints the largest differences of MJX and C MuJoCo over 20 control steps, by damage."""
     print(f"MJX against C MuJoCo, equal settings, 1 s, {len(keys)} random starts")
     print(f"{'damage':<18}{'position (m)':>14}{'joints (rad)':>14}{'median (m)':>14}{'travelled (m)':>15}")
-    for name in KINDS:
+    for name in map(canonical, KINDS):
         ours = jax.device_get(rollout_mjx(robot, damages.build(name), policy, keys, 20))
         theirs = [rollout_c(robot, name, policy, key, 20) for key in keys]
         gap = np.abs(ours.qpos - np.stack([rollout.qpos for rollout in theirs]))
@@ -85,7 +86,13 @@ def distances(robot: hexapod.Hexapod, policy: Policy, keys: jax.Array) -> None:
 
 
 def main(args: Args) -> None:
-    """Prints both tables."""
+    """Prints both tables.
+
+    Raises:
+        ValueError: no episode, or noise below 0.
+    """
+    if args.episodes < 1 or args.noise < 0.0:
+        raise ValueError(f"episodes is {args.episodes} and noise {args.noise}; at least 1 and 0 are needed.")
     gait = gaits.load()
     policy = jax.tree_util.Partial(gaits.act, gait)
     keys = jax.random.split(jax.random.key(args.seed), args.episodes)

@@ -128,6 +128,8 @@ def main(args: Args) -> None:
     """Simulates, identifies, prints the table and saves the figure."""
     if not 1 <= args.probes <= args.motions:
         raise ValueError(f"probes is {args.probes}; accepted are 1 to motions, {args.motions}.")
+    if args.seeds < 1 or args.friction <= 0.0:
+        raise ValueError(f"seeds is {args.seeds} and friction {args.friction}; at least 1, and above 0, are needed.")
     names = damage_names.parse_names(args.damages, "x")
     robot = hexapod.make("x", EnvConfig(), 1.0)
     motion_key, model_key, truth_key, noise_key, choice_key = jax.random.split(jax.random.key(args.seed), 5)

@@ -7,6 +7,7 @@ and clock phases, the same for all candidates; the report comes from draws that 
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ import mujoco
 import numpy as np
 import tyro
 
+from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env import gait as gaits
@@ -32,6 +34,20 @@ AHEAD = (1e3, 0.0)  # m: a goal so far away that it is a direction
 LOW = 0.06  # m: below this height of the torso the belly is about to touch
 STALL = 1.5 / 12.0  # rad: error of position at which a servo's torque saturates
 Seen = dict[str, jax.Array]  # what an episode showed: see walk
+
+
+@dataclass(frozen=True)
+class Args:
+    """How long to search, and on how much to judge."""
+
+    seed: int = 0
+    population: int = 128
+    """Candidates of a generation."""
+    generations: int = 8
+    goals: int = 4
+    """Goals of a candidate, besides straight ahead."""
+    test: int = 64
+    """Episodes of each kind in the report."""
 
 
 def walk(robot: hexapod.Hexapod, damage: Damage, gait: Gait, goal: jax.Array, key: jax.Array) -> Seen:
@@ -116,16 +132,23 @@ def x_in_c(robot: hexapod.Hexapod, gait: Gait, key: jax.Array, fine: bool) -> fl
     return float(data.qpos[0])
 
 
-def main(seed: int = 0, population: int = 128, generations: int = 8, goals: int = 4, test: int = 64) -> None:
-    """Search, report `test` episodes of each kind per damage, and write gait.json."""
-    robot = hexapod.make("p2p", CONFIG, 1.0)
+def main(args: Args) -> None:
+    """Searches, reports `test` episodes of each kind per damage, and writes gait.json.
+
+    Raises:
+        ValueError: no episode to judge by, or fewer candidates than are selected.
+    """
+    for name, least in (("population", ELITE), ("generations", 1), ("goals", 1), ("test", 1)):
+        if getattr(args, name) < least:
+            raise ValueError(f"{name} is {getattr(args, name)}; at least {least} is needed.")
+    robot, test = hexapod.make("p2p", CONFIG, 1.0), args.test
 
     @jax.jit
     def run(damage: Damage, *rows) -> Seen:
         return jax.lax.map(lambda row: walk(robot, damage, *row), rows, batch_size=BLOCK)
 
-    search_key, goal_key, reset_key, c_key = jax.random.split(jax.random.key(seed), 4)
-    gait = search(run, population, generations, goals, search_key)
+    search_key, goal_key, reset_key, c_key = jax.random.split(jax.random.key(args.seed), 4)
+    gait = search(run, args.population, args.generations, args.goals, search_key)
     targets = jnp.concatenate([jnp.tile(jnp.array([AHEAD]), (test, 1)), draw_goals(test, goal_key)])
     walkers = jax.tree.map(lambda leaf: jnp.full(2 * test, leaf), gait)
     measured = {}
@@ -147,4 +170,4 @@ def main(seed: int = 0, population: int = 128, generations: int = 8, goals: int 
 
 
 if __name__ == "__main__":
-    tyro.cli(main, description=__doc__)
+    leave(main, tyro.cli(Args, description=__doc__))

@@ -1,0 +1,27 @@
+"""Experiments refuse bad input in one sentence, before anything is simulated."""
+
+from importlib import import_module
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("experiment", "settings", "message"),
+    [
+        ("tune_gait", {"population": 8}, "population is 8; at least 16"),
+        ("tune_gait", {"goals": 0}, "goals is 0; at least 1"),
+        ("physics_error", {"episodes": 0}, "episodes is 0"),
+        ("physics_error", {"noise": -0.1}, "noise -0.1"),
+        ("healthy_value", {"masks": 0}, "masks is 0; at least 1"),
+        ("healthy_value", {"noise": -1.0}, "noise is -1.0"),
+        ("healthy_value", {"damage": ("knee_rm",)}, "unknown part 'knee_rm'"),
+        ("self_model", {"probes": 17}, "probes is 17; accepted are 1 to motions, 16"),
+        ("self_model", {"seeds": 0}, "seeds is 0"),
+        ("self_model", {"damages": "coxa_rm,leg_rm"}, "'leg_rm' more than once"),
+    ],
+)
+def test_bad_input_is_refused(experiment, settings, message):
+    module = import_module(f"experiments.{experiment}")
+    arguments = getattr(module, "Args", None) or module.Arguments
+    with pytest.raises(ValueError, match=message):
+        module.main(arguments(**settings))
