@@ -115,14 +115,7 @@ def write_settings(directory: Path, settings: dict[str, Any], devices: int, from
 
 
 def write_config(directory: Path, config: Config, devices: int, from_step: int = 0) -> None:
-    """config.json of a run: every setting, resolved; call it once a process.
-
-    Args:
-        directory: of the run.
-        config: what was asked.
-        devices: over how many devices this process lays the lanes.
-        from_step: the environment step at which it goes on.
-    """
+    """config.json of a run: every setting, resolved; once a process, with its devices and the step it goes on from."""
     write_settings(directory, {"config": dataclasses.asdict(config)}, devices, from_step)
 
 

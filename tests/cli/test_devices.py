@@ -68,10 +68,11 @@ def test_more_than_there_are(computer):
 RESUMED = """
 import json, os, sys
 from srl_jax.cli import run
+from srl_jax.job import plan
 _, config = run.parse(["--resume", sys.argv[1]])
 if "early" in sys.argv:
     import jax
-count = run.use_devices(config.devices, 3)
+count = run.use_devices(config.devices, len(plan.make(config).lanes))
 import jax
 print(json.dumps([count, len(jax.devices()), jax.config.jax_compilation_cache_dir]))
 """
@@ -85,5 +86,5 @@ def test_a_resumed_run_finds_the_cache_of_compiled_programs(early, own, tmp_path
     environment |= {"XDG_CACHE_HOME": str(tmp_path / "home")} | ({"JAX_COMPILATION_CACHE_DIR": own} if own else {})
     command = [sys.executable, "-c", RESUMED, str(tmp_path), *early]
     printed = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
-    count = min(machine.cores(), 3)
+    count = min(machine.cores(), 4)
     assert json.loads(printed) == [count, count, own or str(tmp_path / "home" / "srl_jax")]
