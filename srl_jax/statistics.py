@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import trim_mean
 
 FloatArray = NDArray[np.float64]
+DRAWN_AT_ONCE = 1 << 22  # numbers of a bootstrap that are held at once
 
 
 class Interval(NamedTuple):
@@ -55,13 +56,13 @@ def _checked(values: ArrayLike, name: str, ndim: int | None = None) -> FloatArra
     return array
 
 
-def _ends(samples: FloatArray, confidence: float) -> Interval:
-    # Order statistics rather than interpolation, so that a statistic of inf ("never reached") stays inf.
+def _ends(samples: FloatArray, confidence: float) -> FloatArray:
+    # [..., 2] of samples [..., R]: order statistics rather than interpolation, so that inf ("never reached") stays inf.
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence is {confidence}; it must lie strictly between 0 and 1.")
-    ordered = np.sort(samples)
-    tail = round((1.0 - confidence) / 2.0 * (len(ordered) - 1))
-    return Interval(float(ordered[tail]), float(ordered[-1 - tail]))
+    ordered = np.sort(samples, axis=-1)
+    tail = round((1.0 - confidence) / 2.0 * (ordered.shape[-1] - 1))
+    return ordered[..., [tail, -1 - tail]]
 
 
 def _resampled_seeds(shape: tuple[int, int], resamples: int, seed: int) -> NDArray[np.int64]:
@@ -106,8 +107,7 @@ def stratified_interval(
 
     Args:
         scores: [seeds, conditions].
-        statistic: `statistic(array, axis=-1)`, such as `iqm` or `numpy.mean`, of
-            [resamples, seeds * conditions].
+        statistic: `statistic(array, axis=-1)`, such as `iqm` or `numpy.mean`, of [..., seeds * conditions].
         confidence: mass of the interval, in (0, 1).
         resamples: number of bootstrap draws.
         seed: of the bootstrap's own generator.
@@ -116,10 +116,30 @@ def stratified_interval(
         ValueError: a score is NaN, or an argument lies outside its range.
     """
     array = _checked(scores, "scores", ndim=2)
-    seeds, conditions = array.shape
-    index = _resampled_seeds((seeds, conditions), resamples, seed)
-    drawn = array[index, np.arange(conditions)].reshape(resamples, -1)
-    return _ends(np.asarray(statistic(drawn, axis=-1), dtype=np.float64), confidence)
+    return Interval(*stratified_intervals(array[None], statistic, confidence, resamples, seed)[0].tolist())
+
+
+def stratified_intervals(
+    scores: ArrayLike,
+    statistic: Callable[..., Any] = iqm,
+    confidence: float = 0.95,
+    resamples: int = 2000,
+    seed: int = 0,
+) -> FloatArray:
+    """`stratified_interval` of each of K tables of scores [K, seeds, conditions], with the same draws of seeds.
+
+    Returns the low and high ends [K, 2]; arguments and errors are those of the single one.
+    """
+    array = _checked(scores, "scores", ndim=3)
+    tables, seeds, conditions = array.shape
+    index = _resampled_seeds((seeds, conditions), resamples, seed) * conditions + np.arange(conditions)
+    at_once = max(DRAWN_AT_ONCE // index.size, 1)
+    ends = np.empty((tables, 2))
+    for first in range(0, tables, at_once):
+        part = array[first : first + at_once].reshape(-1, seeds * conditions)
+        drawn = np.take(part, index.reshape(resamples, -1), axis=1)
+        ends[first : first + at_once] = _ends(np.asarray(statistic(drawn, axis=-1), dtype=np.float64), confidence)
+    return ends
 
 
 def iqm_curve(values: ArrayLike, confidence: float = 0.95, resamples: int = 2000, seed: int = 0) -> Curve:
@@ -128,18 +148,10 @@ def iqm_curve(values: ArrayLike, confidence: float = 0.95, resamples: int = 2000
     Args:
         values: [T, seeds, conditions].
         confidence, resamples, seed: as in `stratified_interval`; the draws of seeds are shared by all T.
-
-    Raises:
-        ValueError: a value is NaN, or an argument lies outside its range.
     """
     array = _checked(values, "values", ndim=3)
-    steps, seeds, conditions = array.shape
-    index = _resampled_seeds((seeds, conditions), resamples, seed)
-    ends = np.empty((steps, 2))
-    for t in range(steps):  # one step at a time bounds memory at resamples x seeds x conditions
-        drawn = array[t][index, np.arange(conditions)].reshape(resamples, -1)
-        ends[t] = _ends(iqm(drawn, axis=-1), confidence)
-    return Curve(iqm(array.reshape(steps, -1), axis=-1), ends[:, 0], ends[:, 1])
+    ends = stratified_intervals(array, iqm, confidence, resamples, seed)
+    return Curve(iqm(array.reshape(len(array), -1), axis=-1), ends[:, 0], ends[:, 1])
 
 
 def probability_of_improvement(
@@ -151,8 +163,7 @@ def probability_of_improvement(
     Seeds of X and of Y are resampled independently within each condition.
 
     Args:
-        x: [seeds of X, conditions].
-        y: [seeds of Y, conditions]; the number of seeds may differ.
+        x, y: [seeds, conditions] each; the number of seeds may differ.
         confidence, resamples, seed: as in `stratified_interval`.
 
     Raises:
@@ -169,7 +180,7 @@ def probability_of_improvement(
         drawn = rng.multinomial(seeds, np.full(seeds, 1 / seeds), (resamples, len(wins)))
         shares.append(drawn.swapaxes(0, 1) / seeds)
     drawn = ((shares[0] @ wins) * shares[1]).sum(-1).mean(0)
-    return Estimate(float(wins.mean()), *_ends(drawn, confidence))
+    return Estimate(float(wins.mean()), *_ends(drawn, confidence).tolist())
 
 
 def performance_profile(scores: ArrayLike, taus: ArrayLike) -> FloatArray:
@@ -222,8 +233,7 @@ def steps_to_threshold(steps: ArrayLike, values: ArrayLike, threshold: ArrayLike
     """First evaluation step at which a curve is at or above a threshold; inf where it never is.
 
     Args:
-        steps: [T], strictly increasing.
-        values: [T, ...].
+        steps, values: [T], strictly increasing, and [T, ...].
         threshold: one for all, or [...] one for each curve, in the unit of the values; inf is never reached.
 
     Returns:

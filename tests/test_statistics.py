@@ -54,6 +54,14 @@ def test_curve_equals_the_interval_at_each_step():
         assert (low[t], high[t]) == statistics.stratified_interval(values[t], resamples=200, seed=1)
 
 
+def test_many_intervals_are_those_of_each(monkeypatch):
+    monkeypatch.setattr(statistics, "DRAWN_AT_ONCE", 2 * 100 * 60)  # two tables at once
+    values = RNG.normal(size=(5, 10, 6))
+    found = statistics.stratified_intervals(values, np.mean, resamples=100, seed=2)
+    for table, ends in zip(values, found, strict=True):
+        assert tuple(ends) == statistics.stratified_interval(table, np.mean, resamples=100, seed=2)
+
+
 def test_single_lane_collapses_the_band():
     centre, low, high = statistics.iqm_curve(np.arange(3.0)[:, None, None])
     np.testing.assert_array_equal([centre, low, high], [[0, 1, 2]] * 3)
@@ -98,6 +106,8 @@ def test_threshold_is_the_first_evaluation_at_or_above_it():
     values = np.array([[0.0, 5, 0], [2, 0, 0], [1, 0, 0], [3, 5, 1.9]])
     found = statistics.steps_to_threshold([0, 10, 20, 30], values, 2.0)
     np.testing.assert_array_equal(found, [10, 0, np.inf])
+    found = statistics.steps_to_threshold([0, 10, 20, 30], values, [2.5, np.inf, 1.9])
+    np.testing.assert_array_equal(found, [30, np.inf, 30])
 
 
 @pytest.mark.parametrize(
@@ -130,6 +140,8 @@ def test_nan_is_refused(call):
         (lambda: statistics.probability_of_improvement(SCORES, SCORES[:, :2]), "6 conditions and y has 2"),
         (lambda: statistics.area_under_curve([0, 0], [1, 2]), "increase strictly"),
         (lambda: statistics.steps_to_threshold([0, 1], [1, 2, 3], 0), "first axis must hold the 2 steps"),
+        (lambda: statistics.steps_to_threshold([0, 1], [[1, 2], [3, 4]], [0]), r"threshold has shape \(1,\)"),
+        (lambda: statistics.probability_of_improvement(SCORES, SCORES, resamples=0), "resamples is 0"),
     ],
 )
 def test_wrong_arguments_are_named(call, message):

@@ -102,26 +102,30 @@ def _gauge(run: RunData, metric: str, group: Group) -> Scores:
 
 
 def _method(run: RunData, group: Group, found: Scores, resamples: int) -> dict[str, Any]:
+    damages = run.damages(group)
+    apart = _entries({name: x.T[:, :, None] for name, x in found.items()}, len(damages), resamples)
     return {
         **group._asdict(),
         "seeds": sorted({lane["seed"] for lane in run.groups[group]}),
-        "overall": _intervals(found, resamples),
-        "conditions": {
-            damage: _intervals({name: x[:, [c]] for name, x in found.items()}, resamples)
-            for c, damage in enumerate(run.damages(group))
-        },
+        "overall": _entries({name: x[None] for name, x in found.items()}, 1, resamples)[0],
+        "conditions": dict(zip(damages, apart, strict=True)),
     }
 
 
-def _intervals(found: Scores, resamples: int) -> dict[str, dict[str, float | None]]:
-    return {name: _interval(name, x, resamples) for name, x in found.items() if not np.isnan(x).any()}
-
-
-def _interval(name: str, scores: FloatArray, resamples: int) -> dict[str, float | None]:
-    kind, statistic = ("mean", np.mean) if name == "reached_finish" else ("iqm", statistics.iqm)
-    ends = statistics.stratified_interval(scores, statistic, resamples=resamples)
-    numbers = {kind: float(statistic(scores)), **ends._asdict()}
-    return {key: value if math.isfinite(value) else None for key, value in numbers.items()}
+def _entries(tables: Scores, parts: int, resamples: int) -> list[dict[str, dict[str, float | None]]]:
+    # Of name -> [parts, seeds, conditions] the entries of each part; those of one statistic are drawn at once.
+    found: list[dict[str, dict[str, float | None]]] = [{} for _ in range(parts)]
+    for kind, statistic in (("iqm", statistics.iqm), ("mean", np.mean)):
+        chosen = [name for name in tables if (name == "reached_finish") == (kind == "mean")]
+        places = [(k, name) for name in chosen for k in range(parts) if not np.isnan(tables[name][k]).any()]
+        if places:
+            values = np.stack([tables[name][k] for k, name in places])
+            points = np.asarray(statistic(values.reshape(len(values), -1), axis=-1))
+            ends = statistics.stratified_intervals(values, statistic, resamples=resamples)
+            for (k, name), *numbers in zip(places, points.tolist(), *ends.T.tolist(), strict=True):
+                finite = [number if math.isfinite(number) else None for number in numbers]
+                found[k][name] = dict(zip((kind, "low", "high"), finite, strict=True))
+    return found
 
 
 def _nonfinite(run: RunData) -> list[dict[str, Any]]:
