@@ -12,12 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments import compare
 from srl_jax.cli import run
 from srl_jax.config import preset
 from srl_jax.env import hexapod
 from srl_jax.job import loop
-from srl_jax.report import data as report
 
 FILES = {"config.json", "lanes.csv", "metrics.csv", "summary.json", "curves.png", "checkpoints", "videos"}
 COMMAND = [sys.executable, "-m", "srl_jax.run", "--preset", "smoke", "--devices", "2", "--out"]
@@ -100,22 +98,6 @@ def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
     good = summary["methods"]["srl critic_lr=0.001"]["overall"]
     assert all(value is not None for value in good["return"].values())
     assert list((tmp_path / "run" / "videos").glob("*-leg_rm-*.mp4"))
-
-
-def test_runs_join_into_one_table(finished, tmp_path):
-    compare.check((finished[0], finished[0]))
-    compare.join((finished[0], finished[0]), tmp_path)
-    joint, single = report.read_metrics(tmp_path), report.read_metrics(finished[0])
-    assert [lane["lane"] for lane in joint.lanes] == list(range(8))
-    last = joint.metrics["eval/return"][1600]
-    assert [last[i] for i in range(8)] == [single.metrics["eval/return"][1600][i % 4] for i in range(8)]
-
-
-def test_runs_that_differ_do_not_join(finished, tmp_path):
-    text = (finished[0] / "config.json").read_text()
-    (tmp_path / "config.json").write_text(text.replace('"steps": 1600', '"steps": 3200'))
-    with pytest.raises(ValueError, match="in steps"):
-        compare.check((finished[0], tmp_path))
 
 
 def wait_for(condition, process, seconds=300):
