@@ -1,7 +1,6 @@
 """Gaussian-process temporal differences: the printed equations with H formed, known values, tinygp, faults."""
 
-import time
-from functools import partial
+import re
 
 import jax
 import jax.numpy as jnp
@@ -17,12 +16,6 @@ KERNEL = gptd.rbf(0.7, 1.5)
 fit = jax.jit(gptd.fit, static_argnums=1)
 q = jax.jit(gptd.q, static_argnums=1)
 gradient = jax.jit(gptd.gradient)
-
-
-@pytest.fixture
-def x64():
-    with jax.enable_x64(True):
-        yield
 
 
 def episodes(seed: int = 0):
@@ -196,19 +189,28 @@ def test_wrong_shapes_are_refused_by_name(name, shape):
         fit(data, KERNEL, **arguments)
 
 
-def test_a_thousand_transitions_take_less_than_a_tenth_of_a_second():
+def both(data: gptd.Transitions) -> gptd.Gradient:
+    return gptd.gradient(gptd.fit(data, KERNEL, noise=10.0))  # well above the jitter of f32
+
+
+def drawn(count: int) -> gptd.Transitions:
     rng = np.random.default_rng(0)
-    draw = lambda *shape: jnp.asarray(rng.normal(size=shape), jnp.float32)  # noqa: E731
-    features, scores = draw(1001, 10), draw(1001, 50)
-    data = gptd.Transitions(features[:-1], scores[:-1], draw(1000), jnp.full(1000, GAMMA), features[1:], scores[1:])
+    features, scores = rng.normal(size=(count + 1, 10)), rng.normal(size=(count + 1, 50))
+    rewards = scores[:-1] @ np.linspace(-1, 1, 50)
+    return gptd.Transitions(features[:-1], scores[:-1], rewards, np.full(count, GAMMA), features[1:], scores[1:])
 
-    @partial(jax.jit, static_argnums=1)
-    def both(data, kernel):
-        return gptd.gradient(gptd.fit(data, kernel, noise=0.1))
 
-    taken = []  # seconds of processor, so that other work on the machine does not count
-    for _ in range(10):
-        start = time.process_time()
-        found = jax.block_until_ready(both(data, KERNEL))
-        taken.append(time.process_time() - start)
-    assert found.ok and min(taken) < 0.1
+def test_transitions_cost_one_factorisation_of_their_number():
+    program = str(jax.make_jaxpr(both)(drawn(73)))
+    assert len(re.findall(r"f32\[73,73\] = cholesky", program)) == 1
+    sizes = [np.prod([int(side) for side in shape.split(",")]) for shape in re.findall(r"f32\[([0-9,]+)\]", program)]
+    assert max(sizes) == 73 * 73, "H, which has a point for every transition's end too, is never formed"
+
+
+def test_a_thousand_transitions_in_single_precision_agree_with_double():
+    data = drawn(1000)
+    with jax.enable_x64(True):
+        exact = jax.device_get(jax.jit(both)(data))
+    found = jax.jit(both)(jax.tree.map(jnp.float32, data))
+    assert found.ok and found.mean.dtype == jnp.float32 and exact.mean.dtype == np.float64
+    np.testing.assert_allclose(found.mean, exact.mean, atol=2e-3 * np.abs(exact.mean).max())

@@ -7,20 +7,14 @@ import pytest
 import tinygp
 from jax.test_util import check_grads
 
-from srl_jax.bayes import gram, quadrature
+from srl_jax.bayes import quadrature
 
 monte_carlo, model1, model2 = map(jax.jit, (quadrature.monte_carlo, quadrature.model1, quadrature.model2))
-natural, posterior_of = jax.jit(quadrature.natural), jax.jit(gram.posterior)
+natural = jax.jit(quadrature.natural)
 MODELS = {"model1": model1, "model2": model2}
 ESTIMATORS = {"monte_carlo": monte_carlo, **MODELS}
 BANDIT = jnp.diag(jnp.array([1.0, 2.0]))  # Fisher information of N(0, 1) in its mean and log-scale
 N = 3
-
-
-@pytest.fixture
-def x64():
-    with jax.enable_x64(True):
-        yield
 
 
 def data(count: int, size: int = N, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -225,55 +219,3 @@ def test_singular_fisher_flags_the_natural_gradient_and_small_units_do_not():
 def test_wrong_shapes_are_refused_by_name(estimator, scores, returns, fisher, name):
     with pytest.raises(ValueError, match=rf"^{name} has shape \(.*\): give [^.]*\.(\n|$)"):
         estimator(np.ones(scores), np.ones(returns), None if fisher is None else np.ones(fisher))
-
-
-# The Gram form.
-
-
-def tree(U: np.ndarray) -> dict:
-    return {"bias": jnp.asarray(U[:, 0]), "kernel": jnp.asarray(U[:, 1:].reshape(len(U), 2, -1))}
-
-
-def flat(parts: dict) -> np.ndarray:
-    return np.concatenate([np.ravel(parts["bias"]), np.ravel(parts["kernel"])])
-
-
-@pytest.mark.parametrize(("count", "total"), [(8, 8), (8, 30)])
-def test_gram_form_equals_the_dense_form(count, total, x64):
-    U, R, _ = data(total, 5)
-    scores, R = tree(U), R[:count]
-    S = gram.matrix(scores)
-    np.testing.assert_allclose(S, U @ U.T, rtol=1e-10)
-    ridge = 0.05
-    fisher = (U.T @ U + ridge * np.trace(S) / total * np.eye(5)) / total
-    dense = model2(U[:count], R, fisher, noise=0.4, scale=2.0)
-    found = posterior_of(S, R, noise=0.4, scale=2.0, ridge=ridge)
-    assert found.ok
-    np.testing.assert_allclose(flat(gram.combine(found.weights, scores)), dense.mean, rtol=1e-7)
-    np.testing.assert_allclose(flat(gram.variance(found, scores)), np.diag(dense.covariance), rtol=1e-7)
-
-
-def test_a_constant_state_kernel_is_a_baseline(x64):
-    U, _, _ = data(40, 5)
-    weights = np.arange(5.0)
-    S, fisher = gram.matrix(tree(U)), U.T @ U / 40
-    found = posterior_of(S, 50.0 + U @ weights, 1e4 * jnp.ones((40, 40)), noise=1e-6, ridge=1e-9)
-    np.testing.assert_allclose(flat(gram.combine(found.weights, tree(U))), fisher @ weights, rtol=1e-4)
-    without = posterior_of(S, 50.0 + U @ weights, noise=1e-6, ridge=1e-9)
-    assert np.abs(flat(gram.combine(without.weights, tree(U))) - fisher @ weights).max() > 1.0
-
-
-def test_gram_form_flags_faults_and_refuses_wrong_shapes():
-    S, R = jnp.eye(4), jnp.ones(4)
-    run = jax.vmap(posterior_of)
-    found = run(jnp.stack([S, S, 0 * S, S]), jnp.stack([R, R.at[1].set(jnp.inf), R, 2 * R]))
-    assert found.ok.tolist() == [True, False, False, True]
-    assert np.all(found.weights[1:3] == 0) and np.all(np.isfinite(found.factor))
-    np.testing.assert_allclose(found.weights[3], 2 * found.weights[0], rtol=1e-6)
-    for name, arguments in {
-        "returns": (S, jnp.ones(0)),
-        "gram": (S, jnp.ones(5)),
-        "state_kernel": (S, R, jnp.eye(3)),
-    }.items():
-        with pytest.raises(ValueError, match=rf"^{name} has shape"):
-            posterior_of(*arguments)
