@@ -5,17 +5,17 @@
 Trains what is missing in `--runs` (the damaged tripod, and intelligent trial and error on the shipped repertoire) by
 the usual command line, then prints for every method: speed retained of a healthy reference, the share of robots that
 recovered (no fall, at least half of that speed), and the robot time it took. Runs of SRL or DDPG with
-``--task x --damage losses21`` may be added to the table.
+``--task x --damage losses21`` may be added to the table. Every lane is judged by its last two evaluations, of equally
+many episodes in all runs.
 """
 
-import csv
+import itertools
 import subprocess
 import sys
-from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
@@ -26,17 +26,27 @@ from rich.table import Table
 
 from srl_jax import statistics
 from srl_jax.cli.ending import leave
+from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
-from srl_jax.env.model import LEGS
 from srl_jax.ite import archive as repertoire
-from srl_jax.job import files as output
+from srl_jax.report.data import RunData, read_metrics
+from srl_jax.report.join import differences
 from srl_jax.report.style import FIXED, PALETTE, STYLE
+from srl_jax.report.summary import Scores, lane_scores
 
 # Context from the literature: another robot and another simulator, the same 21 losses.
 FIELD = "IT&E elsewhere (Mailer et al. 2021): .886 of healthy speed retained after 53 s of trials"
-SHORT = {"environments": "4", "evaluate-every": "2000", "checkpoint-every": "8000"}
-Scores = dict[str, np.ndarray]  # [seeds, damages]
+# One robot suffices for trials: 20 of 100 steps are over at 2,000, before the last two evaluations.
+SHORT = {
+    "steps": "3000",
+    "evaluation.episodes": "10",
+    "train.environments": "1",
+    "train.evaluate-every": "500",
+    "train.checkpoint-every": "1500",
+    "train.physics-block": "60",
+}
+FROZEN = ("tripod", "pi_b")  # methods that take no time
 
 
 @dataclass(frozen=True)
@@ -51,50 +61,76 @@ class Arguments:
     out: Path = Path("docs/losses21.png")
 
 
+def command(arguments: Arguments) -> list[str]:
+    """The words after `python -m srl_jax.run` that make the run of tripod and ite, or go on with it."""
+    if (arguments.runs / "config.json").exists():
+        return ["--resume", str(arguments.runs)]
+    words = ["--task", "x", "--damage", "losses21", "--algos", "tripod,ite", "--seeds", arguments.seeds]
+    return [
+        *words,
+        *(word for name, value in SHORT.items() for word in (f"--{name}", value)),
+        "--out",
+        str(arguments.runs),
+    ]
+
+
 def train(arguments: Arguments) -> None:
     """Makes sure that the run of tripod and ite is there."""
-    if (arguments.runs / "summary.json").exists():
-        return
-    command = [sys.executable, "-m", "srl_jax.run", "--task", "x", "--damage", "losses21", "--algos", "tripod,ite"]
-    command += ["--seeds", arguments.seeds, "--steps", "8000", "--out", str(arguments.runs)]
-    command += [word for name, value in SHORT.items() for word in (f"--train.{name}", value)]
-    if (arguments.runs / "config.json").exists():
-        command = [sys.executable, "-m", "srl_jax.run", "--resume", str(arguments.runs)]
-    if subprocess.run(command).returncode:
-        raise SystemExit(f"losses21: {' '.join(command[1:])} did not finish.")
+    if not (arguments.runs / "summary.json").exists():
+        words = ["-m", "srl_jax.run", *command(arguments)]
+        if subprocess.run([sys.executable, *words]).returncode:
+            raise ValueError(f"{' '.join(words)} did not finish: see what it said.")
 
 
-def read(directory: Path) -> tuple[dict[str, Scores], float]:
-    """Per method the last value of every metric, and the healthy tripod's or pi_B's distance (m).
+def read(directory: Path) -> RunData:
+    """A run of the benchmark.
 
     Raises:
-        ValueError: the run is of another task or other damages.
+        ValueError: the run is of another task or other damages, or has fewer than two evaluations after its start.
     """
-    config, _ = output.read_config(directory)
-    lanes = list(csv.DictReader((directory / "lanes.csv").open()))
-    found = list(dict.fromkeys(lane["damage"] for lane in lanes))
-    if config.task != "x" or set(found) != set(losses21()):
-        raise ValueError(f"{directory} is of task {config.task} and {len(found)} damages: x and losses21 are needed.")
-    last: dict[tuple[str, int], tuple[int, float]] = {}
-    for row in csv.DictReader((directory / "metrics.csv").open()):
-        key, step = (row["metric"], int(row["lane"])), int(row["step"])
-        if step >= last.get(key, (-1, 0.0))[0]:
-            last[key] = (step, float(row["value"]))
-    seeds = sorted({int(lane["seed"]) for lane in lanes})
-    methods: dict[str, Scores] = defaultdict(dict)
-    for metric in ("eval/distance", "eval/fell", "healthy/distance", "train/trial_seconds"):
-        for lane in lanes:
-            if (metric, int(lane["lane"])) in last:
-                taught = "" if config.behaviour == "gait" else f"by {config.behaviour}"
-                name = " ".join(filter(None, (lane["algo"], lane["variant"], taught)))
-                table = methods[name].setdefault(metric, np.full((len(seeds), len(found)), np.nan))
-                place = seeds.index(int(lane["seed"])), losses21().index(lane["damage"])
-                table[place] = last[metric, int(lane["lane"])][1]
-    for name, scores in methods.items():
-        learning = 0.0 if name in ("tripod", "pi_b") else config.steps / CONTROL_HZ
-        seconds = scores.get("train/trial_seconds", learning)
-        scores["seconds"] = np.broadcast_to(seconds, scores["eval/distance"].shape)
-    return dict(methods), config.env.episode_steps / CONTROL_HZ
+    run = read_metrics(directory)
+    found = {lane["damage"] for lane in run.lanes}
+    if run.task != "x" or found != set(losses21()):
+        raise ValueError(f"{directory} is of task {run.task} and {len(found)} damages: x and losses21 are needed.")
+    evaluations = sum(step > 0 for step in run.metrics["eval/distance"].steps)
+    if evaluations < 2:
+        raise ValueError(
+            f"{directory} has {evaluations} evaluations after its start: lanes are judged by the last two."
+        )
+    return run
+
+
+def check(runs: dict[Path, RunData]) -> None:
+    """Raises ValueError where two runs were not judged alike: by as many episodes, in the same environment."""
+    rules = {path: {"evaluation.episodes": run.episodes, "env": run.config["env"]} for path, run in runs.items()}
+    first, *others = rules
+    for path in others:
+        if changed := differences(rules[first], rules[path]):
+            raise ValueError(f"{path} was judged otherwise than {first}: they differ in {', '.join(changed)}.")
+
+
+def scores(run: RunData, directory: Path) -> dict[str, Scores]:
+    """Per method its lanes' scores [seeds, 21 losses], with the robot `seconds` it took.
+
+    Raises:
+        ValueError: a search does not say how long its trials took, or a method lacks a healthy reference.
+    """
+    methods: dict[str, Scores] = {}
+    taught = "" if run.config["behaviour"] == "gait" else f"by {run.config['behaviour']}"
+    for group in run.groups:
+        order = [run.damages(group).index(damage) for damage in losses21()]
+        found = {name: values[:, order] for name, values in lane_scores(run, group).items()}
+        if group.algo == "ite":
+            if "gauge_trial_seconds" not in found:
+                raise ValueError(f"{directory} has no gauge/trial_seconds for {group.label}: train it anew.")
+            found |= {"seconds": found["gauge_trial_seconds"], "retained_own": found["distance"] / best_of_map()}
+        else:
+            learning = 0.0 if group.algo in FROZEN else run.config["steps"] / CONTROL_HZ
+            found["seconds"] = np.full_like(found["distance"], learning)
+        if missing := {"distance", "fell", "retained", "retained_own"} - found.keys():
+            raise ValueError(f"{directory} lacks what {', '.join(sorted(missing))} of {group.label} is made of.")
+        methods[" ".join(filter(None, (group.label, taught)))] = found
+    return methods
 
 
 def best_of_map() -> float:
@@ -107,35 +143,41 @@ def cell(values: np.ndarray, statistic: Callable = statistics.iqm) -> str:
     return f"{statistic(values):.2f} [{low:.2f}, {high:.2f}]"
 
 
-def summarise(methods: dict[str, Scores], reference: float, seconds: float) -> Table:
+def summarise(methods: dict[str, Scores], seconds: float) -> Table:
     """One row per method; interquartile means over seeds x damages with 95 % stratified bootstrap intervals.
 
     What is retained with one leg lost, and with two, are plain means of the common retention.
+
+    Args:
+        methods: name -> scores.
+        seconds: of an episode.
     """
     names = ("method", "speed m/s", "retained (common)", "retained (own)", "one leg, two", "recovered", "robot time s")
     table = Table(*names, box=None)
-    for name, scores in methods.items():
-        distance, fell = scores["eval/distance"], scores["eval/fell"]
-        own = best_of_map() if name.startswith("ite") else scores["healthy/distance"].mean()
-        recovered = ((fell == 0.0) & (distance >= 0.5 * reference)).astype(float)
-        cells = [cell(distance / unit) for unit in (seconds, reference, own)]
-        parts = np.split(distance / reference, [len(LEGS)], axis=1)  # one leg lost, and two
-        cells.append(", ".join(f"{part.mean():.2f}" for part in parts))
-        table.add_row(name, *cells, cell(recovered, np.mean), f"{np.mean(scores['seconds']):.0f}")
+    for name, found in methods.items():
+        recovered = ((found["fell"] == 0.0) & (found["retained"] >= 0.5)).astype(float)
+        parts = np.split(found["retained"], [len(LEGS)], axis=1)  # one leg lost, and two
+        table.add_row(
+            name,
+            *map(cell, (found["distance"] / seconds, found["retained"], found["retained_own"])),
+            ", ".join(f"{part.mean():.2f}" for part in parts),
+            cell(recovered, np.mean),
+            f"{found['seconds'].mean():.0f}",
+        )
     return table
 
 
-def draw(methods: dict[str, Scores], reference: float, path: Path) -> None:
+def draw(methods: dict[str, Scores], path: Path) -> None:
     """Retained speed of every damage: the mean over seeds as bars with its standard deviation, one group a damage."""
-    free = (colour for colour in PALETTE if colour not in FIXED.values())
+    free = itertools.cycle(colour for colour in PALETTE if colour not in FIXED.values())
     width = 0.8 / len(methods)
     with rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(12, 3.6), layout="constrained")
         axes = figure.subplots()
-        for index, (name, scores) in enumerate(methods.items()):
-            values = scores["eval/distance"] / reference
+        for index, (name, found) in enumerate(methods.items()):
+            values = found["retained"]
             places = np.arange(values.shape[1]) + (index - 0.5 * (len(methods) - 1)) * width
-            look = {"color": FIXED.get(name) or next(free), "error_kw": {"lw": 0.8, "ecolor": "#444444"}}
+            look: Any = {"color": FIXED.get(name) or next(free), "error_kw": {"lw": 0.8, "ecolor": "#444444"}}
             axes.bar(places, values.mean(0), width, yerr=values.std(0), label=name, **look)
         axes.axhline(1.0, color="0.5", ls=":", lw=1)
         axes.set_xticks(np.arange(21), [name.replace("leg_", "").replace("+", "\n") for name in losses21()], fontsize=8)
@@ -145,23 +187,32 @@ def draw(methods: dict[str, Scores], reference: float, path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def main() -> None:
+def together(runs: dict[Path, RunData]) -> dict[str, Scores]:
+    """The methods of all runs; a name that occurs again is told apart by its directory."""
+    methods: dict[str, Scores] = {}
+    for path, run in runs.items():
+        found = scores(run, path)
+        methods |= {f"{name}, {path.name}" if name in methods else name: x for name, x in found.items()}
+    return methods
+
+
+def main(arguments: Arguments) -> None:
     """Trains, prints the table, draws the figure."""
-    arguments = tyro.cli(Arguments)
-    others = [read(directory)[0] for directory in arguments.others]  # before anything long
+    others = {directory: read(directory) for directory in arguments.others}
+    if others:
+        check(others)  # before anything long
     train(arguments)
-    methods, seconds = read(arguments.runs)
-    reference = float(methods["tripod"]["healthy/distance"].mean())
-    for directory, found in zip(arguments.others, others, strict=True):
-        methods |= {f"{name}, {directory.name}" if name in methods else name: x for name, x in found.items()}
+    runs = {arguments.runs: read(arguments.runs), **others}
+    check(runs)
+    methods = together(runs)
+    own, seconds = methods["tripod"], runs[arguments.runs].config["env"]["episode_steps"] / CONTROL_HZ
+    reference = own.get("reference_distance", own["healthy_distance"]).mean() / seconds
     console = Console(width=140)
-    console.print(
-        f"21 losses x {len(methods['tripod']['eval/fell'])} seeds; healthy tripod {reference / seconds:.3f} m/s"
-    )
-    console.print(summarise(methods, reference, seconds))
+    console.print(f"21 losses x {len(own['fell'])} seeds; healthy tripod {reference:.3f} m/s")
+    console.print(summarise(methods, seconds))
     console.print(FIELD)
-    draw(methods, reference, arguments.out)
+    draw(methods, arguments.out)
 
 
 if __name__ == "__main__":
-    leave(main)
+    leave(main, tyro.cli(Arguments))

@@ -7,7 +7,7 @@ import pytest
 
 from srl_jax import evaluate
 from srl_jax.env import damage, hexapod
-from srl_jax.env.model import JOINTS
+from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.settings import EnvConfig
 
 STEPS = 30

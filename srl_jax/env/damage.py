@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.damage_names import Loss, parse
-from srl_jax.env.model import JOINTS, load_model, load_spec, mjx, stance
+from srl_jax.env.model import load_model, load_spec, mjx, stance
 
 Array = jax.Array | np.ndarray
 

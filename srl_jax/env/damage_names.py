@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import NamedTuple
 
-from srl_jax.env.model import JOINTS, LEGS, SEGMENTS
+from srl_jax.env.anatomy import JOINTS, LEGS, SEGMENTS
 
 HEALTHY = "healthy"
 JOINT_KINDS = ("removed", "limp", "locked")

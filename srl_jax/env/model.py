@@ -1,4 +1,4 @@
-"""The PhantomX model: where its MJCF lies, how it is loaded, what its parts are called.
+"""The PhantomX model: where its MJCF lies and how it is loaded.
 
 This is the one module that imports MJX; others write ``from srl_jax.env.model import mjx``.
 """
@@ -12,14 +12,13 @@ import jax
 import mujoco
 import numpy as np
 
+from srl_jax.env.anatomy import LEGS
+
 # MJX announces on stdout, where results go, that its optional Warp backend is missing.
 with contextlib.redirect_stdout(io.StringIO()):
     from mujoco import mjx
 
 __all__ = [
-    "JOINTS",
-    "LEGS",
-    "SEGMENTS",
     "feet",
     "forward",
     "load_model",
@@ -30,10 +29,6 @@ __all__ = [
     "step",
     "xml_path",
 ]
-
-LEGS = ("rf", "rm", "rr", "lf", "lm", "lr")
-SEGMENTS = ("coxa", "femur", "tibia")
-JOINTS = tuple(f"{segment}_{leg}" for leg in LEGS for segment in SEGMENTS)
 
 
 def xml_path() -> Path:

@@ -15,9 +15,10 @@ from jax.sharding import PartitionSpec as P
 
 from srl_jax.blocks import blocked_map
 from srl_jax.env import hexapod
+from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
-from srl_jax.env.model import LEGS, feet, load_model
+from srl_jax.env.model import feet, load_model
 from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import family
 

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage
-from srl_jax.env.model import JOINTS, LEGS, feet, load_model, mjx, stance, step
+from srl_jax.env.anatomy import JOINTS, LEGS
+from srl_jax.env.model import feet, load_model, mjx, stance, step
 from tests.env.reference import WALKING
 
 STEPS = 120  # 2 s

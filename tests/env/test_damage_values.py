@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, damage_names
-from srl_jax.env.model import JOINTS, LEGS, load_model, mjx, put_model
+from srl_jax.env.anatomy import JOINTS, LEGS
+from srl_jax.env.model import load_model, mjx, put_model
 from tests.env.reference import WALKING
 
 # Model leaves that follow the edits but enter no equation of motion here: drawing, broad phase, muscles.

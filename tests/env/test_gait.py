@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, gait, hexapod
-from srl_jax.env.model import LEGS
+from srl_jax.env.anatomy import LEGS
 from srl_jax.env.settings import EnvConfig
 
 RF_RR_LM = [LEGS.index(leg) for leg in ("rf", "rr", "lm")]

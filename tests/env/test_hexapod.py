@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, hexapod
-from srl_jax.env.model import JOINTS
+from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.settings import EnvConfig
 from tests.env.reference import CLOCK_HZ, make, products, state_at
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.env.model import LEGS
+from srl_jax.env.anatomy import LEGS
 from srl_jax.ite import family
 
 RNG = np.random.default_rng(0)

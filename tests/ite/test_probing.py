@@ -7,7 +7,7 @@ import pytest
 
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
-from srl_jax.env.model import JOINTS
+from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import probing
 

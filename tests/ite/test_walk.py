@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, hexapod
-from srl_jax.env.model import LEGS, feet, load_model, stance
+from srl_jax.env.anatomy import LEGS
+from srl_jax.env.model import feet, load_model, stance
 from srl_jax.ite import archive as repertoire
 from srl_jax.ite import family
 from srl_jax.ite import walk as evaluate
