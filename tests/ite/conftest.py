@@ -12,14 +12,13 @@ def walker():
     import numpy as np
 
     from srl_jax.env import damage
-    from srl_jax.ite import family
-    from srl_jax.ite import walk as evaluate
+    from srl_jax.ite import family, walk
 
-    program = jax.jit(evaluate.make(evaluate.devices_mesh(DEVICES), block=4))
+    program = jax.jit(walk.make(walk.devices_mesh(DEVICES), block=4))
 
-    def walk(name, gaits):
+    def walked(name, gaits):
         rows = np.tile(family.REFERENCE, (ROWS, 1))
         rows[: len(gaits)] = gaits
         return jax.tree.map(lambda x: np.asarray(x)[: len(gaits)], program(damage.build(name), rows))
 
-    return walk
+    return walked

@@ -11,13 +11,11 @@ import pytest
 from srl_jax.env import damage, hexapod
 from srl_jax.env.anatomy import LEGS
 from srl_jax.env.model import feet, load_model, stance
-from srl_jax.ite import archive as repertoire
-from srl_jax.ite import family
-from srl_jax.ite import walk as evaluate
+from srl_jax.ite import archive, family, walk
 
 RNG = np.random.default_rng(0)
 GAITS = np.concatenate([family.REFERENCE[None], RNG.integers(0, 21, (5, 36)).astype(np.float32) / 20])
-PARTS = evaluate.geometry()
+PARTS = walk.geometry()
 
 
 def in_contact(model, qpos):
@@ -90,7 +88,7 @@ def test_feet_are_where_mujoco_has_them():
     for _ in range(20):
         qpos = np.concatenate([[0, 0, 0, 1, 0, 0, 0], RNG.uniform(-1.5, 1.5, 18)])
         _, data = in_contact(model, qpos)
-        found = evaluate.foot_positions(PARTS, qpos[7:].astype(np.float32))
+        found = walk.foot_positions(PARTS, qpos[7:].astype(np.float32))
         np.testing.assert_allclose(found, data.geom_xpos[feet(model)], atol=1e-6)
 
 
@@ -103,7 +101,7 @@ def test_what_touches_is_what_mujoco_says():
         qpos[2], qpos[3:7] = RNG.uniform(0.02, 0.13), turn / np.linalg.norm(turn)
         qpos[7:] += RNG.uniform(-0.5, 0.5, 18)
         touched, _ = in_contact(model, qpos)
-        feet_down, belly_down = evaluate.touching(PARTS, healthy, qpos.astype(np.float32))
+        feet_down, belly_down = walk.touching(PARTS, healthy, qpos.astype(np.float32))
         np.testing.assert_array_equal(feet_down, np.isin(foot, list(touched)))
         assert bool(belly_down) == bool(touched - set(foot))
         seen.append((int(feet_down.sum()), bool(belly_down)))
@@ -114,9 +112,9 @@ def test_a_real_search_keeps_what_its_gaits_walk(tmp_path):
     command = [sys.executable, "-m", "srl_jax.repertoire", "--evaluations", "20", "--batch", "16", "--devices", "2"]
     printed = subprocess.run([*command, "--out", str(tmp_path / "run")], capture_output=True, text=True, check=True)
     assert "32 gaits in" in printed.stdout and "cells filled" in printed.stdout
-    found = repertoire.load(tmp_path / "run" / "map.npz")
+    found = archive.load(tmp_path / "run" / "map.npz")
     assert len(found.fitness) > 10
     # The search's own program: some gaits diverge on the rounding of another block size.
-    walked = jax.jit(evaluate.make(evaluate.devices_mesh(2)))(damage.build("healthy"), found.gaits[:16])
+    walked = jax.jit(walk.make(walk.devices_mesh(2)))(damage.build("healthy"), found.gaits[:16])
     np.testing.assert_allclose(walked.fitness, found.fitness[:16], atol=2e-3)
     np.testing.assert_allclose(walked.descriptor, found.descriptors[:16], atol=0.011)
