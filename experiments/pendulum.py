@@ -48,18 +48,18 @@ def episode_return(policy, key: jax.Array) -> jax.Array:
 
 def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
     """Trains one seed, one update a step, and returns what the student alone earns: f32[]."""
-    agent = registry.agent(config)
-    assert agent.update is not None
+    agent: Any = registry.agent(config)
     settings: Any = dict(hyper=hyper.from_config(config), teachers=(swing_up,))
     init_key, run_key, test_key = jax.random.split(jax.random.key(seed), 3)
 
     def advance(carry, t: jax.Array):
-        (learner, memory, *now), keys = carry, jax.random.split(jax.random.fold_in(run_key, t), 5)
+        (learner, memory, *now), keys = carry, jax.random.split(jax.random.fold_in(run_key, t), 6)
         start = ActState(noise.start(keys[4], 1), controller.init())
         acting, state = jax.tree.map(partial(jnp.where, t % EPISODE == 0), [start, reset(keys[0])], now)
         action, acting = agent.act(learner, acting, observe(state), keys[1], step=t, **settings)
         (after, reward), chosen = step(state, action), 1.0 * acting.guidance.choice
-        new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), chosen)
+        lot = 1.0 * jax.random.randint(keys[5], (), 0, 2**24)
+        new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), chosen, lot)
         memory = replay.add(memory, jax.tree.map(lambda x: x[None], new), t)
         batch = replay.sample(memory, t + 1, config.batch, keys[2], 3)
         return (agent.update(learner, batch, keys[3], step=t, **settings)[0], memory, acting, after), None

@@ -20,7 +20,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.agents.ddpg import critic_fn, student
+from srl_jax.agents.ddpg import student
+from srl_jax.agents.ensemble import critic_fn
 from srl_jax.bayes import calibration, dropout, guidance, thompson
 from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages

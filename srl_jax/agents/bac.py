@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from srl_jax.agents import ddpg, noise
+from srl_jax.agents import ddpg, descent, noise
 from srl_jax.agents.ddpg import student
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
@@ -45,7 +45,7 @@ def init(
     """A fresh actor; arguments as `ddpg.init`."""
     del teachers
     actor = Actor(config.hidden, action_size, config.layer_norm).init(key, jnp.zeros(observation_size))
-    return BACState(actor, (), ddpg.optimiser(config.actor_optimiser).init(actor))
+    return BACState(actor, (), descent.optimiser(config.actor_optimiser).init(actor))
 
 
 act = ddpg.act
@@ -87,7 +87,7 @@ def update(
     )
     gradient = gram.combine(posterior.weights, directions)
     # A gradient that could not be estimated is zero, and Adam must not see it either.
-    moved = ddpg.move_actor(state, jax.tree.map(jnp.negative, gradient), config=config, hyper=hyper, step=step)
+    moved = descent.move_actor(state, jax.tree.map(jnp.negative, gradient), config=config, hyper=hyper, step=step)
     state = jax.tree.map(lambda new, old: jnp.where(posterior.ok, new, old), moved, state)
     prior = jnp.sqrt(hyper.advantage_scale * jnp.mean(jnp.diagonal(products)))
     norm = optax.tree.norm(gradient)

@@ -1,6 +1,6 @@
 """DDPG (Lillicrap et al. 2016) with an ensemble of critics, as pure functions: init, act, update.
 
-The pieces of its update (`critic_step`, `actor_step`, `track`) are what the other agents are built from.
+The pieces of its update (`critic_step`, `actor_step`, `learn_critic`) are what the other agents are built from.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from srl_jax.agents import noise
+from srl_jax.agents import descent, ensemble, noise
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
-from srl_jax.agents.networks import Actor, Critic
+from srl_jax.agents.networks import Actor
 from srl_jax.agents.settings import ActorConfig, DDPGConfig
 from srl_jax.types import ActState, Params, Transition
 
@@ -31,21 +31,6 @@ class AgentState(NamedTuple):
     target_critic: Params
     actor_optimiser: optax.OptState
     critic_optimiser: optax.OptState
-
-
-def optimiser(name: str) -> optax.GradientTransformation:
-    """The direction of descent; the learning rate is applied by `descend`, since lanes may differ in it."""
-    return optax.scale_by_adam() if name == "adam" else optax.scale_by_rms()
-
-
-def descend(params: Params, direction: Params, rate: jax.Array) -> Params:
-    """``params - rate * direction``."""
-    return jax.tree.map(lambda p, d: p - rate * d, params, direction)
-
-
-def critic_fn(config: DDPGConfig) -> Callable[..., jax.Array]:
-    """The unbatched critic ``(params, observation, action, masks) -> f32[]`` of one member."""
-    return Critic(config.hidden, config.layer_norm).apply  # type: ignore[return-value]
 
 
 def student(
@@ -64,23 +49,19 @@ def init(
     *,
     config: DDPGConfig,
     teachers: Sequence[Teacher] = (),
-    actor: Params | None = None,
 ) -> AgentState:
-    """Fresh networks; the actor may be given (the start from pi_B)."""
+    """Fresh networks; targets start as copies."""
     del teachers
     actor_key, critic_key = jax.random.split(key)
-    observation, action = jnp.zeros(observation_size), jnp.zeros(action_size)
-    if actor is None:
-        actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, observation)
-    member = Critic(config.hidden, config.layer_norm)
-    critic = jax.vmap(lambda k: member.init(k, observation, action))(jax.random.split(critic_key, config.critics))
+    actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, jnp.zeros(observation_size))
+    critic = ensemble.init(critic_key, observation_size, action_size, config=config)
     return AgentState(
         actor=actor,
         critic=critic,
         target_actor=jax.tree.map(jnp.copy, actor),
         target_critic=jax.tree.map(jnp.copy, critic),
-        actor_optimiser=optimiser(config.actor_optimiser).init(actor),
-        critic_optimiser=optimiser(config.critic_optimiser).init(critic),
+        actor_optimiser=descent.optimiser(config.actor_optimiser).init(actor),
+        critic_optimiser=descent.optimiser(config.critic_optimiser).init(ensemble.learned(critic, config=config)),
     )
 
 
@@ -114,19 +95,6 @@ def act(
     return noise.explore(student(state.actor, observation, config=config), act_state, key, hyper=hyper, step=step)
 
 
-def ensemble_q(params: Params, observation: jax.Array, action: jax.Array, *, config: DDPGConfig) -> jax.Array:
-    """Q of every member without masks: f32[..., O], f32[..., A] -> f32[K, ...]."""
-    return jax.vmap(critic_fn(config), (0, None, None))(params, observation, action)
-
-
-def td_target(
-    state: AgentState, batch: Transition, next_action: jax.Array, *, config: DDPGConfig, hyper: Hyper
-) -> jax.Array:
-    """``r + gamma * discount * mean_k Q'_k(s', a')`` for a batch: f32[B]."""
-    next_q = jnp.mean(ensemble_q(state.target_critic, batch.next_observation, next_action, config=config), axis=0)
-    return batch.reward + hyper.gamma * batch.discount * next_q
-
-
 def critic_step(
     state: AgentState,
     loss: Callable[[Params], tuple[jax.Array, Metrics]],
@@ -134,10 +102,12 @@ def critic_step(
     config: DDPGConfig,
     hyper: Hyper,
 ) -> tuple[AgentState, Metrics]:
-    """One descent step of the critic ensemble on ``loss(params) -> (f32[], metrics)``."""
-    gradient, metrics = jax.grad(loss, has_aux=True)(state.critic)
-    direction, opt = optimiser(config.critic_optimiser).update(gradient, state.critic_optimiser)
-    critic = descend(state.critic, direction, hyper.critic_lr)
+    """One descent step of what learns in the critic ensemble on ``loss(params) -> (f32[], metrics)``."""
+    whole = partial(ensemble.with_learned, state.critic, config=config)
+    learned = ensemble.learned(state.critic, config=config)
+    gradient, metrics = jax.grad(lambda new: loss(whole(new)), has_aux=True)(learned)
+    direction, opt = descent.optimiser(config.critic_optimiser).update(gradient, state.critic_optimiser)
+    critic = whole(descent.descend(learned, direction, hyper.critic_lr))
     return state._replace(critic=critic, critic_optimiser=opt), metrics
 
 
@@ -151,19 +121,7 @@ def actor_step(
 ) -> tuple[AgentState, Metrics]:
     """One descent step of the actor on ``loss(params) -> (f32[], metrics)``; none while the actor is frozen."""
     gradient, metrics = jax.grad(loss, has_aux=True)(state.actor)
-    return move_actor(state, gradient, config=config, hyper=hyper, step=step), metrics
-
-
-def move_actor(state: Any, gradient: Params, *, config: ActorConfig, hyper: Hyper, step: jax.Array) -> Any:
-    """The state after one descent step of its actor along a gradient; none while the actor is frozen."""
-    direction, opt = optimiser(config.actor_optimiser).update(gradient, state.actor_optimiser)
-    rate = jnp.where(step >= hyper.freeze, hyper.actor_lr, 0.0)
-    return state._replace(actor=descend(state.actor, direction, rate), actor_optimiser=opt)
-
-
-def track(online: Params, target: Params, *, hyper: Hyper) -> Params:
-    """Soft update ``target <- (1 - tau) target + tau online``."""
-    return optax.incremental_update(online, target, hyper.tau)
+    return descent.move_actor(state, gradient, config=config, hyper=hyper, step=step), metrics
 
 
 def learn_critic(
@@ -194,7 +152,8 @@ def learn_critic(
 
     def once(state: AgentState, part: tuple[Transition, jax.Array]) -> tuple[AgentState, Metrics]:
         state, metrics = step(state, *part)
-        return state._replace(target_critic=track(state.critic, state.target_critic, hyper=hyper)), metrics
+        target = ensemble.follow(state.critic, state.target_critic, config=config, hyper=hyper)
+        return state._replace(target_critic=target), metrics
 
     parts = jax.tree.map(lambda x: x.reshape(count, -1, *x.shape[1:]), batch)
     state, metrics = jax.lax.scan(once, state, (parts, jax.random.split(key, count)))
@@ -236,10 +195,10 @@ def update(
     def descend_critic(state: AgentState, part: Transition, key: jax.Array) -> tuple[AgentState, Metrics]:
         del key
         next_action = student(state.target_actor, part.next_observation, config=config)
-        target = td_target(state, part, next_action, config=config, hyper=hyper)
+        target = ensemble.td_target(state.target_critic, part, next_action, config=config, hyper=hyper)
 
         def loss(params: Params) -> tuple[jax.Array, Metrics]:
-            error = ensemble_q(params, part.observation, part.action, config=config) - target[None]
+            error = ensemble.q_values(params, part.observation, part.action, config=config) - target
             total = jnp.mean(jnp.square(error), axis=1).sum()  # members share no parameters: a sum, not a mean
             return total, {"critic_loss": total / config.critics}
 
@@ -250,11 +209,11 @@ def update(
 
     def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
         action = student(params, observation, config=config)
-        q = jnp.mean(ensemble_q(state.critic, observation, action, config=config))
+        q = jnp.mean(ensemble.q_values(state.critic, observation, action, config=config))
         return -q, {"q": q}
 
     state, actor_metrics = actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
-    target_actor = track(state.actor, state.target_actor, hyper=hyper)
+    target_actor = descent.track(state.actor, state.target_actor, hyper=hyper)
     return state._replace(target_actor=target_actor), critic_metrics | actor_metrics
 
 

@@ -6,10 +6,9 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents.settings import ActorConfig
-
 _small = nn.initializers.variance_scaling(1e-2, "fan_in", "uniform")
 _hidden = nn.initializers.variance_scaling(1.0 / 3.0, "fan_in", "uniform")
+UNIT_HEAD = nn.initializers.variance_scaling(2.0, "fan_in", "uniform")  # outputs of order 1 from LayerNorm and ReLU
 
 
 class Torso(nn.Module):
@@ -48,18 +47,10 @@ class Critic(nn.Module):
 
     hidden: Sequence[int]
     layer_norm: bool
+    head: nn.initializers.Initializer = _small
 
     @nn.compact
     def __call__(self, observation: jax.Array, action: jax.Array, masks: tuple | None = None) -> jax.Array:
         x = jnp.concatenate([observation, action], axis=-1)
         x = Torso(self.hidden, self.layer_norm)(x, masks)
-        return nn.Dense(1, kernel_init=_small)(x)[..., 0]
-
-
-def network_sizes(config: ActorConfig, observation_size: int, action_size: int) -> tuple[int, int]:
-    """Scalars in an actor and in the whole critic ensemble, without allocating them."""
-    key, o, a = jax.random.key(0), jnp.zeros(observation_size), jnp.zeros(action_size)
-    actor = jax.eval_shape(Actor(config.hidden, action_size, config.layer_norm).init, key, o)
-    critic = jax.eval_shape(Critic(config.hidden, config.layer_norm).init, key, o, a)
-    count = [sum(leaf.size for leaf in jax.tree.leaves(params)) for params in (actor, critic)]
-    return count[0], getattr(config, "critics", 0) * count[1]
+        return nn.Dense(1, kernel_init=self.head)(x)[..., 0]

@@ -63,6 +63,11 @@ class DDPGConfig(ActorConfig):
     critic_lr: NotNegative = (1e-3,)
     tau: Share = (0.05,)
     """Rate of the target networks' soft update."""
+    member_targets: bool = False
+    """Every critic learns from its own target network; off: all from the mean of the target networks."""
+    prior_scale: Annotated[float, Range(0.0)] = 0.0
+    """Weight of a fixed random network beside each critic (Osband et al. 2018), about the standard deviation of the
+    values that it adds; 0: none."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +94,9 @@ class SRLConfig(DDPGConfig):
     guidance_draws: Count = 4
     """Posterior samples that weigh the guidance at every state of a mini-batch (a multiple of critics)."""
     guidance_weighting: Literal["posterior", "mean", "annealed"] = "posterior"
-    """What weighs the guidance at a state: the posterior probability that pi_B is better there, whether the mean critic
-    says so (the Q-filter of Nair et al. 2018), or nothing but time, falling linearly to 0 at guidance_decay."""
+    """What weighs the guidance at a state: the posterior probability that the best teacher is better there than the
+    student, whether the mean critic says so (the Q-filter of Nair et al. 2018), or nothing but time, falling linearly
+    to 0 at guidance_decay (the first teacher's then)."""
     critic_loss: Literal["td", "alpha"] = "td"
     """td: squared error; alpha: AC-Teach's alpha-divergence over dropout samples."""
     dropout_update: bool = False
@@ -103,7 +109,7 @@ class SRLConfig(DDPGConfig):
     """Posterior probability needed to switch; decays with psi per refusal."""
     psi: Share = (0.99,)
     guidance_weight: NotNegative = (10.0,)
-    """Weight of the pull towards pi_B in the actor's loss, where the posterior favours pi_B; 0: off."""
+    """Weight of the pull towards the best teacher in the actor's loss, where the posterior favours it; 0: off."""
     guidance_decay: Positive = (20_000.0,)
     """Environment steps until annealed guidance reaches 0."""
     prior_fraction: Share = (0.0,)
@@ -111,13 +117,16 @@ class SRLConfig(DDPGConfig):
     prior_decay: Positive = (20_000.0,)
     """Environment steps until prior_fraction reaches 0."""
     bootstrap: Share = (1.0,)
-    """Probability that a transition enters one ensemble member's loss; 1: every member sees all."""
+    """Probability that a transition is among the data of one ensemble member, for good; 1: every member sees all."""
     weight_decay: NotNegative = (0.0,)
-    """Weight of the squared norm of the critic's parameters (the variational prior of dropout)."""
+    """Weight of the squared norm of the critic's parameters, the same for ever (AC-Teach's lambda)."""
+    length_scale: NotNegative = (0.0,)
+    """Length scale l of the prior of the critic's weights, N(0, 1 / l^2), that makes dropout variational by a weight
+    decay that falls with the transitions seen (Gal & Ghahramani 2016; use it with dropout_update); 0: off."""
     alpha: Positive = (0.5,)
     """Order of the alpha-divergence (critic_loss=alpha)."""
     precision: Positive = (10.0,)
-    """Observation precision of the alpha-divergence loss."""
+    """Observation precision tau of a TD target: of the alpha-divergence, and of the decay by length_scale."""
 
     def check(self, name: str) -> None:
         """Also raises ValueError where posterior draws do not fall evenly on the members."""
@@ -128,6 +137,8 @@ class SRLConfig(DDPGConfig):
 
 
 ACTEACH = SRLConfig(
+    critics=1,
+    critic_updates=1,
     init="random",
     noisy_proposals=True,
     shared_masks=False,
@@ -136,7 +147,7 @@ ACTEACH = SRLConfig(
     dropout=(0.1,),
     guidance_weight=(0.0,),
     prior_fraction=(0.0,),
-    draws=24,
+    draws=50,
 )
 """AC-Teach (Kurenkov et al. 2019), SRL's parent: SRL without guidance, cloning or healthy replay."""
 

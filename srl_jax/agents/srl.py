@@ -1,8 +1,8 @@
 """Survivable robotic learning (Raza et al. 2021): DDPG whose critic is a posterior that weighs pi_B's advice.
 
 Parts as in the paper: proposals and Thompson's sample with commitment (`act`), the posterior's likelihood
-(`critic_loss`), the behaviour target (`next_action`) and guidance of the actor's gradient (`guidance`). The start
-from pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
+(`posterior.critic_loss`), the behaviour target (`next_action`) and guidance of the actor's gradient (`guidance`). The
+start from pi_B and the healthy replay are the caller's: they change the initial actor and the batch, not the update.
 """
 
 import dataclasses
@@ -12,8 +12,9 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents import ddpg, noise
-from srl_jax.agents.ddpg import AgentState, critic_fn, student
+from srl_jax.agents import ddpg, descent, ensemble, noise, posterior
+from srl_jax.agents.ddpg import AgentState, student
+from srl_jax.agents.ensemble import critic_fn
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
 from srl_jax.agents.settings import SRLConfig
@@ -22,14 +23,6 @@ from srl_jax.types import ActState, Params, Transition
 
 init = ddpg.init
 METRICS = (*ddpg.METRICS, "p_guid")
-
-
-def posterior_masks(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposals: int = 0) -> tuple:
-    """Masks of `config.draws` posterior samples: f32[K, M / K, H] per layer ([K, M / K, N, H] unless shared)."""
-    shape = (config.critics, config.draws // config.critics)
-    if proposals and not config.shared_masks:
-        shape = (*shape, proposals)
-    return dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
 
 def proposals(actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
@@ -59,7 +52,7 @@ def act(
         actions = actions.at[0].set(noisy)
     guidance = act_state.guidance
     if config.select and len(actions) > 1:
-        masks = posterior_masks(mask_key, config=config, hyper=hyper, proposals=len(actions))
+        masks = posterior.sample(mask_key, config=config, hyper=hyper, proposals=len(actions))
         draws = dropout.q_draws(critic_fn(config), state.critic, observation, actions, masks)
         guidance = choose(guidance, draws, select_key, config=config, hyper=hyper)
     act_state = act_state._replace(guidance=guidance)
@@ -97,33 +90,6 @@ def next_action(state: AgentState, batch: Transition, teachers: Sequence[Teacher
     return jax.vmap(best)(batch.next_observation)
 
 
-def critic_loss(
-    params: Params, batch: Transition, target: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper
-) -> tuple[jax.Array, Metrics]:
-    """The dropout likelihood (Gal & Ghahramani 2016), or AC-Teach's alpha-divergence over posterior samples.
-
-    td: ``sum_k mean_b w_kb (Q_k(s, a; mask) - y)^2 + lambda ||phi||^2`` with bootstrap weights w.
-    alpha: ``mean_b -(1/alpha) logsumexp_m[-(alpha tau / 2) (y - Q_m)^2] + lambda ||phi||^2``.
-    """
-    size = batch.reward.shape[0]
-    mask_key, bootstrap_key = jax.random.split(key)
-    penalty = hyper.weight_decay * sum(jnp.sum(jnp.square(p)) for p in jax.tree.leaves(params))
-    if config.critic_loss == "alpha":
-        masks = posterior_masks(mask_key, config=config, hyper=hyper)
-        over_batch = jax.vmap(dropout.q_draws, (None, None, 0, 0, None))
-        q = over_batch(critic_fn(config), params, batch.observation, batch.action[:, None], masks)[..., 0]
-        energy = -0.5 * hyper.alpha * hyper.precision * jnp.square(target[:, None] - q)
-        loss = -jnp.mean(jax.nn.logsumexp(energy, axis=1)) / hyper.alpha
-        return loss + penalty, {"critic_loss": loss}
-    masks = None
-    if config.dropout_update:
-        masks = dropout.sample_masks(mask_key, config.hidden, (config.critics, size), hyper.dropout)
-    q = jax.vmap(critic_fn(config), (0, None, None, 0))(params, batch.observation, batch.action, masks)
-    weight = jax.random.bernoulli(bootstrap_key, hyper.bootstrap, q.shape).astype(q.dtype)
-    loss = jnp.mean(weight * jnp.square(q - target[None]), axis=1).sum()
-    return loss + penalty, {"critic_loss": loss / config.critics}
-
-
 def guidance(
     critic: Params,
     batch: Transition,
@@ -134,10 +100,13 @@ def guidance(
     config: SRLConfig,
     hyper: Hyper,
     step: jax.Array,
-) -> jax.Array:
-    """``p_guid(s) = P[Q(s, pi_B(s)) > Q(s, pi(s))]`` of every teacher, over the same samples for both.
+) -> tuple[jax.Array, jax.Array]:
+    """Who guides at every state, and how surely: ``p_guid(s) = P[Q(s, pi_n*(s)) > Q(s, pi(s))]``.
 
-    `config.guidance_weighting` has two controls in its place: the mean critic's verdict, and a function of time alone.
+    The guide n* is the teacher whom the posterior mean holds to be the best there, ``argmax_n mean_m Q_m(s, pi_n(s))``,
+    so that a second teacher takes nothing from the first where it has nothing better to say. Samples are the same for
+    all actions. `config.guidance_weighting` has two controls: the verdict of the mean critic on the best under it, and
+    a function of time alone, which asks no critic and so follows the first teacher.
 
     Args:
         critic: ensemble parameters.
@@ -150,22 +119,24 @@ def guidance(
         step: f32[] environment steps taken so far by the lane.
 
     Returns:
-        f32[B, N], without gradient.
+        p_guid f32[B] and the guide's index into N i32[B], without gradient.
     """
     if config.guidance_weighting == "annealed":
-        return jnp.full(advice.shape[:2], jnp.maximum(1.0 - step / hyper.guidance_decay, 0.0))
+        weight = jnp.maximum(1.0 - step / hyper.guidance_decay, 0.0)
+        return jnp.full(len(action), weight), jnp.zeros(len(action), jnp.int32)
     if config.guidance_weighting == "mean":
-        mean = lambda a: jnp.mean(ddpg.ensemble_q(critic, batch.observation, a, config=config), axis=0)  # noqa: E731
-        better = jax.vmap(mean, 1, 1)(advice) > mean(action)[:, None]
-        return jax.lax.stop_gradient(better.astype(action.dtype))
+        mean = lambda a: jnp.mean(ensemble.q_values(critic, batch.observation, a, config=config), axis=0)  # noqa: E731
+        advised = jax.vmap(mean, 1, 1)(advice)
+        better = jnp.max(advised, axis=1) > mean(action)
+        return jax.lax.stop_gradient((better.astype(action.dtype), jnp.argmax(advised, axis=1)))
     shape = (config.critics, config.guidance_draws // config.critics)
     masks = dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
-    def at_state(observation: jax.Array, own: jax.Array, others: jax.Array) -> jax.Array:
+    def at_state(observation: jax.Array, own: jax.Array, others: jax.Array) -> tuple[jax.Array, jax.Array]:
         actions = jnp.concatenate([own[None], others])
         draws = dropout.q_draws(critic_fn(config), critic, observation, actions, masks)
-        better = lambda i: thompson.probability_better(draws, i, 0, config.estimator)  # noqa: E731
-        return jax.vmap(better)(jnp.arange(1, len(actions)))
+        guide = jnp.argmax(jnp.mean(draws[:, 1:], axis=0))
+        return thompson.probability_better(draws, guide + 1, 0, config.estimator), guide
 
     return jax.lax.stop_gradient(jax.vmap(at_state)(batch.observation, action, advice))
 
@@ -182,7 +153,8 @@ def update(
 ) -> tuple[AgentState, Metrics]:
     """One update of posterior, actor and targets; arguments as `ddpg.update`.
 
-    The actor descends ``-mean_k Q_k(s, pi(s)) + g p_guid(s) ||pi(s) - pi_B(s)||^2`` (Sec. "Partially Guidance").
+    The actor descends ``-mean_k Q_k(s, pi(s)) + g p_guid(s) ||pi(s) - pi_n*(s)||^2`` (Sec. "Partially Guidance"), with
+    the guide n* of `guidance` at every state: however many teachers there are, one pulls, with the full weight g.
 
     Returns:
         The new state and scalar metrics ``critic_loss``, ``q``, ``p_guid``.
@@ -191,8 +163,8 @@ def update(
 
     def descend_critic(state: AgentState, part: Transition, key: jax.Array) -> tuple[AgentState, Metrics]:
         chosen = next_action(state, part, teachers, config=config)
-        target = ddpg.td_target(state, part, chosen, config=config, hyper=hyper)
-        loss = lambda params: critic_loss(params, part, target, key, config=config, hyper=hyper)  # noqa: E731
+        target = ensemble.td_target(state.target_critic, part, chosen, config=config, hyper=hyper)
+        loss = partial(posterior.critic_loss, batch=part, target=target, key=key, step=step, config=config, hyper=hyper)
         return ddpg.critic_step(state, loss, config=config, hyper=hyper)
 
     state, critic_metrics = ddpg.learn_critic(state, batch, critic_key, descend_critic, config=config, hyper=hyper)
@@ -201,18 +173,19 @@ def update(
 
     def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
         action = student(params, seen.observation, config=config)
-        q = jnp.mean(ddpg.ensemble_q(state.critic, seen.observation, action, config=config))
+        q = jnp.mean(ensemble.q_values(state.critic, seen.observation, action, config=config))
         if not guided:
             return -q, {"q": q, "p_guid": jnp.zeros(())}
         advice = jnp.stack([jax.vmap(teacher)(seen.observation) for teacher in teachers], axis=1)
         own = jax.lax.stop_gradient(action)
-        p_guid = guidance(state.critic, seen, own, advice, guidance_key, config=config, hyper=hyper, step=step)
-        distance = jnp.sum(jnp.square(action[:, None] - advice), axis=-1)
+        p_guid, guide = guidance(state.critic, seen, own, advice, guidance_key, config=config, hyper=hyper, step=step)
+        followed = jax.vmap(lambda of_state, index: of_state[index])(advice, guide)
+        distance = jnp.sum(jnp.square(action - followed), axis=-1)
         pull = hyper.guidance_weight * jnp.mean(p_guid * distance)
         return pull - q, {"q": q, "p_guid": jnp.mean(p_guid)}
 
     state, actor_metrics = ddpg.actor_step(state, actor_loss, config=config, hyper=hyper, step=step)
-    target_actor = ddpg.track(state.actor, state.target_actor, hyper=hyper)
+    target_actor = descent.track(state.actor, state.target_actor, hyper=hyper)
     return state._replace(target_actor=target_actor), critic_metrics | actor_metrics
 
 

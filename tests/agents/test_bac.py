@@ -28,7 +28,7 @@ def batch_of(key: jax.Array, size: int = 32) -> Transition:
     observation, after = jax.random.normal(keys[0], (2, size, OBSERVATION))
     action = jnp.clip(0.25 * jax.random.normal(keys[1], (size, ACTION)), -1.0, 1.0)
     reward = action[:, 0] - action[:, 1]
-    return Transition(observation, action, reward, jnp.zeros(size), after, jnp.zeros(size))
+    return Transition(observation, action, reward, jnp.zeros(size), after, jnp.zeros(size), jnp.zeros(size))
 
 
 @jax.jit

@@ -9,13 +9,13 @@ import numpy as np
 import optax
 import pytest
 
-from srl_jax.agents import ddpg
+from srl_jax.agents import ddpg, ensemble
 from srl_jax.agents.hyper import from_config
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.bayes import controller
-from srl_jax.types import ActState, Transition
+from srl_jax.types import ActState
+from tests.agents.reference import ACTION, BATCH, OBSERVATION, assert_same_movement, batch_of
 
-OBSERVATION, ACTION, BATCH = 4, 2, 6
 CONFIG = DDPGConfig(
     hidden=(8, 8),
     critics=2,
@@ -31,21 +31,7 @@ update = jax.jit(ddpg.update, static_argnames=("config", "teachers"))
 act = jax.jit(ddpg.act, static_argnames=("config", "teachers"))
 init = jax.jit(lambda key: ddpg.init(key, OBSERVATION, ACTION, config=CONFIG))
 student = jax.jit(ddpg.student, static_argnames="config")
-critic_of = jax.jit(ddpg.critic_fn(CONFIG))
 KEY, LATE = jax.random.key(0), jnp.float32(1e6)
-
-
-def batch_of(seed: int = 0, **changed) -> Transition:
-    rng = np.random.default_rng(seed)
-    draw = lambda *shape: rng.normal(size=(BATCH, *shape)).astype("f")  # noqa: E731
-    return Transition(
-        observation=draw(OBSERVATION),
-        action=np.clip(draw(ACTION), -1, 1),
-        reward=draw(),
-        discount=np.array([1, 1, 0, 1, 0, 1], "f"),
-        next_observation=draw(OBSERVATION),
-        chosen=np.zeros(BATCH, "f"),
-    )._replace(**changed)
 
 
 def start(seed: int = 0) -> ddpg.AgentState:
@@ -63,7 +49,7 @@ def member(params, k: int):
 
 
 def loop_q(params, observation, action) -> np.ndarray:
-    critic = ddpg.critic_fn(CONFIG)
+    critic = ensemble.critic_fn(CONFIG)
     return np.array(
         [[critic(member(params, k), s, a) for s, a in zip(observation, action, strict=True)] for k in range(2)]
     )
@@ -85,22 +71,14 @@ def test_targets_start_at_the_networks_and_members_differ():
     assert all(leaf.shape[0] == 2 for leaf in jax.tree.leaves(state.critic))
 
 
-def test_a_given_actor_is_the_start():
-    actor = init(jax.random.key(7)).actor
-    state = jax.jit(lambda a: ddpg.init(KEY, OBSERVATION, ACTION, config=CONFIG, actor=a))(actor)
-    chex.assert_trees_all_equal(state.actor, actor)
-    chex.assert_trees_all_equal(state.target_actor, actor)
-
-
-def test_td_target_equals_numpy_and_stops_at_termination_only():
-    state, batch = start(), batch_of()
-    next_action = np.tanh(batch.next_observation[:, :ACTION])
-    target = jax.jit(ddpg.td_target, static_argnames="config")(state, batch, next_action, config=CONFIG, hyper=HYPER)
-    next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
-    np.testing.assert_allclose(target, batch.reward + 0.97 * batch.discount * next_q, rtol=1e-5, atol=1e-6)
-    ends = batch.discount == 0
-    np.testing.assert_array_equal(target[ends], batch.reward[ends])
-    assert np.all(target[~ends] != batch.reward[~ends]), "a time-out has discount 1 and bootstraps"
+def test_an_adopted_actor_is_online_and_target_in_buffers_of_their_own():
+    state, actor = start(), init(jax.random.key(7)).actor
+    adopted = ddpg.adopt(state, actor)
+    chex.assert_trees_all_equal(adopted.actor, actor)
+    chex.assert_trees_all_equal(adopted.target_actor, actor)
+    shared = zip(jax.tree.leaves(adopted.actor), jax.tree.leaves(adopted.target_actor), strict=True)
+    assert not any(a is b for a, b in shared), "donated buffers must not alias"
+    chex.assert_trees_all_equal(adopted.critic, state.critic)
 
 
 def test_update_equals_a_reference_with_optax():
@@ -109,7 +87,7 @@ def test_update_equals_a_reference_with_optax():
     next_action = student(state.target_actor, batch.next_observation, config=CONFIG)
     next_q = loop_q(state.target_critic, batch.next_observation, next_action).mean(0)
     target = jnp.asarray(batch.reward + gamma * batch.discount * next_q)
-    critic, adam = jax.vmap(ddpg.critic_fn(CONFIG), (None, 0, 0)), optax.adam(1e-2)
+    critic, adam = jax.vmap(ensemble.critic_fn(CONFIG), (None, 0, 0)), optax.adam(1e-2)
 
     @jax.jit
     def fit(params):
@@ -119,7 +97,7 @@ def test_update_equals_a_reference_with_optax():
 
     losses, members = zip(*(fit(member(state.critic, k)) for k in range(2)), strict=True)
     for k in range(2):
-        chex.assert_trees_all_close(member(after.critic, k), members[k], atol=1e-5)
+        assert_same_movement(member(state.critic, k), member(after.critic, k), members[k], 1e-3)
     assert metrics["critic_loss"] == pytest.approx(float(sum(losses)) / 2, rel=1e-5)
 
     @jax.jit
@@ -129,23 +107,18 @@ def test_update_equals_a_reference_with_optax():
             return -sum(critic(m, batch.observation, action).mean() for m in members) / 2
 
         value, gradient = jax.value_and_grad(loss)(params)
-        return value, optax.apply_updates(params, adam.update(gradient, adam.init(params))[0])
+        return value, gradient, optax.apply_updates(params, adam.update(gradient, adam.init(params))[0])
 
-    value, actor = climb(state.actor)
-    chex.assert_trees_all_close(after.actor, actor, atol=1e-4)
+    value, gradient, actor = climb(state.actor)
+    # Adam's first step is all but the gradient's sign, its first moment the gradient itself.
+    nothing, tenth = jax.tree.map(jnp.zeros_like, gradient), jax.tree.map(lambda g: 0.1 * g, gradient)
+    assert_same_movement(nothing, after.actor_optimiser.mu, tenth, 1e-3)
+    assert_same_movement(state.actor, after.actor, actor, 1e-2)
     assert metrics["q"] == pytest.approx(-float(value), abs=1e-5)
     expected = jax.tree.map(lambda new, old: (1 - tau) * old + tau * new, after.critic, state.target_critic)
-    chex.assert_trees_all_close(after.target_critic, expected, atol=1e-6)
-
-
-@pytest.mark.parametrize("tau", [0.0, 0.3, 1.0])
-def test_soft_update(tau):
-    state = start()
-    for name in ("actor", "critic"):
-        online, old = getattr(state, name), getattr(state, f"target_{name}")
-        after = ddpg.track(online, old, hyper=HYPER._replace(tau=jnp.float32(tau)))
-        expected = jax.tree.map(lambda o, t: (1 - tau) * t + tau * o, online, old)
-        chex.assert_trees_all_close(after, expected, atol=1e-6)
+    assert_same_movement(state.target_critic, after.target_critic, expected, 1e-3)
+    expected = jax.tree.map(lambda new, old: (1 - tau) * old + tau * new, after.actor, state.target_actor)
+    assert_same_movement(state.target_actor, after.target_actor, expected, 1e-3)
 
 
 @pytest.mark.parametrize(("step", "learns"), [(0.0, False), (99.0, False), (100.0, True), (1e5, True)])
@@ -160,7 +133,7 @@ def test_members_learn_apart_where_nothing_is_bootstrapped():
     batch, state = batch_of(discount=np.zeros(BATCH, "f")), start()
     other = state._replace(critic=jax.tree.map(lambda leaf: leaf.at[1].add(0.5), state.critic))
     after, changed = run(state, batch)[0], run(other, batch)[0]
-    chex.assert_trees_all_close(member(after.critic, 0), member(changed.critic, 0), atol=1e-7)
+    assert_same_movement(member(state.critic, 0), member(changed.critic, 0), member(after.critic, 0), 1e-4)
 
 
 def test_critic_fits_a_batch():
@@ -195,19 +168,6 @@ def test_acting_adds_noise_to_the_student_and_ignores_teachers():
     assert np.all(np.abs(loud) == 1.0)
 
 
-@pytest.mark.parametrize(("name", "rule"), [("adam", optax.adam), ("rmsprop", optax.rmsprop)])
-def test_descent_equals_optax(name, rule):
-    params, direction = {"w": jnp.array([1.0, -2.0])}, ddpg.optimiser(name)
-    state, expected, reference = direction.init(params), params, rule(0.1).init(params)
-    for scale in (1.0, -0.5, 2.0):
-        gradient = {"w": jnp.array([scale, 3.0])}
-        step, state = direction.update(gradient, state)
-        params = ddpg.descend(params, step, jnp.float32(0.1))
-        step, reference = rule(0.1).update(gradient, reference)
-        expected = optax.apply_updates(expected, step)
-    chex.assert_trees_all_close(params, expected, rtol=1e-5)
-
-
 def test_lanes_with_their_own_rates_equal_separate_updates_and_do_not_see_each_other():
     states = jax.tree.map(lambda *x: jnp.stack(x), *(start(s) for s in range(3)))
     batches = jax.tree.map(lambda *x: jnp.stack(x), *(batch_of(s) for s in range(3)))
@@ -217,7 +177,12 @@ def test_lanes_with_their_own_rates_equal_separate_updates_and_do_not_see_each_o
     wide, _ = lanes(states, batches, hypers)
     for lane in range(3):
         alone, _ = run(start(lane), batch_of(lane), member(hypers, lane))
-        chex.assert_trees_all_close(member(wide, lane), alone, atol=2e-5)
+        for name, tolerance in (("actor", 2e-2), ("critic", 1e-3), ("target_critic", 1e-3)):
+            if name == "critic" and lane == 2:
+                continue  # its rate is 0
+            before, after, expected = (getattr(s, name) for s in (start(lane), member(wide, lane), alone))
+            assert_same_movement(before, after, expected, tolerance)
+    chex.assert_trees_all_equal(member(wide, 2).critic, start(2).critic)
     swapped = jax.tree.map(lambda x: x[jnp.array([0, 2, 1])], (states, batches, hypers))
     other, _ = lanes(*swapped)
     chex.assert_trees_all_equal(member(other, 0), member(wide, 0))
@@ -230,6 +195,5 @@ def test_several_critic_steps_are_single_ones_in_turn():
     both = jax.tree.map(lambda a, b: np.concatenate([a, b]), first, second)
     together, _ = ddpg.update(start(), both, KEY, config=double, hyper=still, step=LATE)
     apart = run(run(start(), first, still)[0], second, still)[0]
-    for name in ("critic", "target_critic", "critic_optimiser"):
-        same = lambda a, b: np.testing.assert_allclose(a, b, atol=5e-4)  # noqa: E731
-        jax.tree.map(same, getattr(together, name), getattr(apart, name))
+    for name in ("critic", "target_critic"):
+        assert_same_movement(*(getattr(s, name) for s in (start(), together, apart)), 1e-3)

@@ -4,9 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from srl_jax.agents.networks import Actor, Critic, network_sizes
-from srl_jax.agents.settings import DDPGConfig
-from srl_jax.config import preset
+from srl_jax.agents.networks import Actor, Critic
 
 HIDDEN, OBSERVATION, ACTION = (8, 6), 4, 2
 RNG = np.random.default_rng(0)
@@ -60,17 +58,3 @@ def test_fresh_actor_is_bounded_and_near_the_stance():
     params = actor.init(jax.random.key(0), X[0])
     assert np.abs(actor.apply(params, X)).max() < 0.2
     assert np.abs(actor.apply(shaken(params), 1e6 * X)).max() <= 1.0
-
-
-def test_parameters_are_counted():
-    config = DDPGConfig(hidden=HIDDEN, layer_norm=False, critics=3)
-    actor, critics = network_sizes(config, OBSERVATION, ACTION)
-    assert actor == 4 * 8 + 8 + 8 * 6 + 6 + 6 * 2 + 2
-    assert critics == 3 * (6 * 8 + 8 + 8 * 6 + 6 + 6 + 1)
-    # LayerNorm adds a scale and a bias per unit.
-    assert network_sizes(DDPGConfig(hidden=HIDDEN, critics=3), OBSERVATION, ACTION)[0] == actor + 2 * (8 + 6)
-
-
-def test_paper_networks_have_its_size():
-    sizes = network_sizes(preset("paper").srl, 60, 18)
-    assert sizes == pytest.approx((5.1e6, 5.1e6), rel=0.03)

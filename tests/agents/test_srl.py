@@ -8,14 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.agents import ddpg, srl
+from srl_jax.agents import ddpg, ensemble, posterior, srl
 from srl_jax.agents.hyper import from_config
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import dropout
-from srl_jax.types import Transition
-from tests.agents.reference import convinced_critic, loop_draws
+from tests.agents.reference import (
+    ACTION,
+    OBSERVATION,
+    assert_same_movement,
+    batch_of,
+    convinced_critic,
+)
 
-OBSERVATION, ACTION, BATCH = 4, 2, 6
 SHARED = dict(
     critic_updates=1,
     tau=(0.01,),
@@ -34,7 +38,6 @@ update = jax.jit(srl.update, static_argnames=STATIC)
 init = jax.jit(lambda key: srl.init(key, OBSERVATION, ACTION, config=FULL))
 baseline = jax.jit(ddpg.update, static_argnames=STATIC)
 student = jax.jit(lambda actor, observation: ddpg.student(actor, observation, config=FULL))
-critic_of = jax.jit(ddpg.critic_fn(FULL))
 KEY, STEP = jax.random.key(0), jnp.float32(1e4)
 
 
@@ -46,14 +49,6 @@ def high(observation: jax.Array) -> jax.Array:
 def signed(observation: jax.Array) -> jax.Array:
     """A teacher that is high in one half of the states and low in the other."""
     return 0.8 * jnp.sign(observation[:1]) * jnp.ones(ACTION)
-
-
-def batch_of(seed: int = 0) -> Transition:
-    rng = np.random.default_rng(seed)
-    draw = lambda *shape: rng.normal(size=(BATCH, *shape)).astype("f")  # noqa: E731
-    discount = np.array([1, 1, 0, 1, 0, 1], "f")
-    action = np.clip(draw(ACTION), -1, 1)
-    return Transition(draw(OBSERVATION), action, draw(), discount, draw(OBSERVATION), np.zeros(BATCH, "f"))
 
 
 def start(seed: int = 0) -> ddpg.AgentState:
@@ -89,116 +84,6 @@ def test_update_without_its_parts_is_ddpg():
     chex.assert_trees_all_close(mine, reference, atol=1e-6)
 
 
-# Guidance of the actor
-
-
-@pytest.mark.parametrize("estimator", ["paired", "gaussian"])
-def test_guidance_equals_a_loop_and_carries_no_gradient(estimator):
-    config, state, batch = dataclasses.replace(FULL, estimator=estimator), start(), batch_of()
-    hyper = from_config(config)
-    action = jnp.asarray(batch.action)
-    advice = jnp.stack([jnp.full_like(action, 0.8), -action], axis=1)
-
-    def guided(critic, own, others):
-        return srl.guidance(critic, batch, own, others, KEY, config=config, hyper=hyper, step=STEP)
-
-    p = jax.jit(guided)(state.critic, action, advice)
-    masks = dropout.sample_masks(KEY, config.hidden, (2, 2), hyper.dropout)
-    for b in range(BATCH):
-        q = loop_draws(critic_of, state.critic, batch.observation[b], [action[b], *advice[b]], masks)
-        for n in (1, 2):
-            d = jnp.asarray(q[:, n] - q[:, 0])
-            exact = (
-                np.mean((d > 0) + 0.5 * (d == 0))
-                if estimator == "paired"
-                else jax.scipy.stats.norm.cdf(d.mean() / d.std())
-            )
-            assert p[b, n - 1] == pytest.approx(float(exact), abs=1e-4)
-    gradients = jax.jit(jax.grad(lambda *x: guided(*x).sum(), (0, 1, 2)))(state.critic, action, advice)
-    assert all(np.all(leaf == 0) for leaf in jax.tree.leaves(gradients))
-
-
-def test_guidance_pulls_towards_a_teacher_unless_the_critic_is_against_it():
-    batch, still = batch_of(), dict(critic_lr=0.0, dropout=0.0)
-    advice = jnp.full((BATCH, ACTION), 0.8)
-
-    def distance(state):
-        return float(np.square(student(state.actor, batch.observation) - advice).sum(1).mean())
-
-    def train(slope, weight):
-        state, metrics = run(convinced(slope), batch, FULL, teachers=(high,), guidance_weight=weight, **still)
-        for _ in range(14):
-            state, _ = run(state, batch, FULL, teachers=(high,), guidance_weight=weight, **still)
-        return distance(state), float(metrics["p_guid"])
-
-    # An undecided critic has no slope, so that only the pull moves the actor.
-    before = distance(convinced(0.0))
-    pulled, p = train(0.0, 5.0)
-    assert p == 0.5 and pulled < 0.2 * before
-    assert train(0.0, 0.0)[0] == pytest.approx(before, abs=1e-6)
-    # A teacher that is surely better pulls fully; one that is surely worse, not at all.
-    assert train(1e-3, 5.0)[1] == 1.0
-    away, p = train(-1e-3, 5.0)
-    assert p == 0.0 and away == pytest.approx(train(-1e-3, 0.0)[0], abs=1e-6) and away > before
-
-
-def test_actor_descends_the_guided_loss():
-    state, batch, weight = start(), batch_of(), 3.0
-    after, metrics = run(state, batch, FULL, teachers=(high,), guidance_weight=weight)
-    masks_key, observations = jax.random.split(KEY)[1], jnp.asarray(batch.observation)
-    advice, action = jnp.full((BATCH, ACTION), 0.8), student(state.actor, observations)
-    p = np.zeros(BATCH)
-    masks = dropout.sample_masks(masks_key, FULL.hidden, (2, 2), jnp.float32(0.3))
-    for b in range(BATCH):
-        q = loop_draws(critic_of, after.critic, batch.observation[b], [action[b], advice[b]], masks)
-        p[b] = np.mean((q[:, 1] > q[:, 0]) + 0.5 * (q[:, 1] == q[:, 0]))
-    assert metrics["p_guid"] == pytest.approx(p.mean(), abs=1e-6) and 0 < p.mean() < 1
-
-    @jax.jit
-    def gradient(actor, p):
-        def loss(actor):
-            own = ddpg.student(actor, observations, config=FULL)
-            pull = weight * jnp.mean(p * jnp.square(own - advice).sum(1))
-            return pull - ddpg.ensemble_q(after.critic, observations, own, config=FULL).mean()
-
-        return jax.grad(loss)(actor)
-
-    expected = jax.tree.map(lambda g: 0.1 * g, gradient(state.actor, jnp.asarray(p, jnp.float32)))
-    chex.assert_trees_all_close(after.actor_optimiser.mu, expected, atol=1e-6)  # Adam's first moment
-
-
-def test_weight_zero_is_no_guidance():
-    none = run(start(), batch_of(), OFF, teachers=(high,))[0]
-    zero = run(start(), batch_of(), FULL, teachers=(high,), guidance_weight=0.0)[0]
-    one = run(start(), batch_of(), FULL, teachers=(high,))[0]
-    chex.assert_trees_all_close(none, zero, atol=1e-6)
-    chex.assert_trees_all_equal(zero.critic, one.critic)
-    assert np.any(zero.actor["params"]["action"]["bias"] != one.actor["params"]["action"]["bias"])
-
-
-def test_guidance_by_the_mean_critic_is_its_verdict_and_annealed_guidance_asks_no_critic():
-    batch, own, advice = batch_of(), jnp.full((BATCH, ACTION), 0.1), jnp.full((BATCH, 1, ACTION), 0.8)
-    advice = advice * jnp.sign(batch.observation[:, :1, None])
-    weigh = lambda config, step, slope: srl.guidance(  # noqa: E731
-        convinced(slope).critic,
-        batch,
-        own,
-        advice,
-        KEY,
-        config=config,
-        hyper=from_config(config, dropout=0.9),
-        step=jnp.float32(step),
-    )
-    mean = dataclasses.replace(FULL, guidance_weighting="mean")
-    up = (batch.observation[:, :1] > 0).astype("f")
-    assert up.any() and not up.all()
-    np.testing.assert_array_equal(weigh(mean, 0, 1.0), up)
-    np.testing.assert_array_equal(weigh(mean, 0, -1.0), 1 - up)
-    annealed = dataclasses.replace(FULL, guidance_weighting="annealed", guidance_decay=(1_000.0,))
-    for step, weight in ((0, 1.0), (250, 0.75), (1_000, 0.0), (2_000, 0.0)):
-        np.testing.assert_allclose(weigh(annealed, step, -1.0), np.full((BATCH, 1), weight), atol=1e-6)
-
-
 # The behaviour target
 
 
@@ -227,21 +112,38 @@ def test_behaviour_target_is_evaluated_by_the_target_critic():
     assert metrics["critic_loss"] == pytest.approx(np.mean(error**2), rel=1e-4)
 
 
+def test_ten_members_with_every_part_of_the_posterior_learn_and_act():
+    ten = dict(critics=10, draws=20, guidance_draws=10, dropout_update=True, bootstrap=(0.5,), length_scale=(1.0,))
+    config = dataclasses.replace(FULL, **ten, member_targets=True, prior_scale=1.0, hidden=(8, 8))
+    state = jax.jit(lambda key: srl.init(key, OBSERVATION, ACTION, config=config))(KEY)
+    after, metrics = run(state, batch_of(), config, teachers=(high,))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((after, metrics)))
+    moved = jax.tree.map(lambda a, b: np.any(a != b, axis=tuple(range(1, a.ndim))), after.critic, state.critic)
+    assert all(any(leaf[k] for leaf in jax.tree.leaves(moved["online"])) for k in range(10))
+    chex.assert_trees_all_equal(after.critic["prior"], state.critic["prior"])
+    masks = posterior.sample(KEY, config=config, hyper=from_config(config))
+    actions = jnp.stack([jnp.zeros(ACTION), high(jnp.zeros(OBSERVATION))])
+    draws = dropout.q_draws(ensemble.critic_fn(config), after.critic, jnp.ones(OBSERVATION), actions, masks)
+    assert draws.shape == (20, 2) and len(np.unique(draws[:10, 0])) == 10
+
+
 # Lanes
 
 
 def test_lanes_with_their_own_values_equal_separate_updates_and_do_not_see_each_other():
-    config = FULL
+    parts = dict(bootstrap=(1.0, 0.5), length_scale=(0.0, 1.0), member_targets=True, prior_scale=1.0)
+    config = dataclasses.replace(FULL, **parts)
     pile = lambda trees: jax.tree.map(lambda *x: jnp.stack(x), *trees)  # noqa: E731
+    begin = jax.jit(lambda seed: srl.init(jax.random.key(seed), OBSERVATION, ACTION, config=config))
     lane_of = lambda tree, i: jax.tree.map(lambda x: x[i], tree)  # noqa: E731
     values = [
         dict(),
         dict(actor_lr=1e-3, dropout=0.5, guidance_weight=0.0),
-        dict(critic_lr=1e-3, bootstrap=0.5),
+        dict(critic_lr=1e-3, bootstrap=0.5, length_scale=1.0),
     ]
     hypers = pile([from_config(config, **value) for value in values])
     inputs = (
-        pile(start(s) for s in range(3)),
+        pile(begin(s) for s in range(3)),
         pile(batch_of(s) for s in range(3)),
         jax.random.split(KEY, 3),
         hypers,
@@ -250,7 +152,8 @@ def test_lanes_with_their_own_values_equal_separate_updates_and_do_not_see_each_
     lanes = jax.jit(jax.vmap(one))
     wide, _ = lanes(*inputs)
     for i, value in enumerate(values):
-        alone, _ = run(start(i), batch_of(i), config, inputs[2][i], (high,), **value)
-        chex.assert_trees_all_close(lane_of(wide, i), alone, atol=5e-5)
+        alone, _ = run(begin(i), batch_of(i), config, inputs[2][i], (high,), **value)
+        for name in ("actor", "critic", "target_critic"):
+            assert_same_movement(*(getattr(s, name) for s in (begin(i), lane_of(wide, i), alone)), 2e-2)
     swapped, _ = lanes(*jax.tree.map(lambda x: x[jnp.array([0, 2, 1])], inputs))
     chex.assert_trees_all_equal(lane_of(swapped, 0), lane_of(wide, 0))

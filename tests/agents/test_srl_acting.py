@@ -13,9 +13,8 @@ from srl_jax.agents.hyper import from_config
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import controller
 from srl_jax.types import ActState
-from tests.agents.reference import convinced_critic
+from tests.agents.reference import ACTION, OBSERVATION, convinced_critic
 
-OBSERVATION, ACTION = 4, 2
 SHARED = dict(critic_updates=1, tau=(0.01,), hidden=(8, 8), layer_norm=False, critics=2, init="random", noise=(0.1,))
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF, BASELINE = SRLConfig(**SHARED, select=False), DDPGConfig(**SHARED)

@@ -19,7 +19,7 @@ sample = jax.jit(replay.sample, static_argnums=(2, 4))
 def transitions(*shape: int, seed: int = 0) -> Transition:
     rng = np.random.default_rng(seed)
     draw = lambda *size: rng.normal(size=(*shape, *size)).astype(np.float32)  # noqa: E731
-    return Transition(draw(STATE), draw(ACTION), draw(), draw(), draw(STATE), draw())
+    return Transition(draw(STATE), draw(ACTION), draw(), draw(), draw(STATE), draw(), draw())
 
 
 def numbered(first: int, count: int) -> Transition:
@@ -27,7 +27,7 @@ def numbered(first: int, count: int) -> Transition:
     number = jnp.arange(first, first + count, dtype=jnp.float32)
     column = number[:, None]
     return Transition(
-        jnp.tile(column, STATE), jnp.tile(column, ACTION), number, number, jnp.tile(column, STATE), chosen=number
+        jnp.tile(column, STATE), jnp.tile(column, ACTION), number, number, jnp.tile(column, STATE), number, lot=number
     )
 
 
@@ -37,6 +37,13 @@ def test_unpack_inverts_pack(shape):
     rows = replay.pack(t)
     assert rows.shape == (*shape, replay.width(STATE, ACTION))
     chex.assert_trees_all_equal(replay.unpack(rows, STATE), t)
+
+
+def test_a_lot_comes_out_of_a_buffer_as_it_went_in():
+    lots = np.array([0, 1, 2**24 - 1, 12_345_677], np.float32)
+    buffer = add(replay.init(4, STATE, ACTION), transitions(4)._replace(lot=lots), jnp.int32(0))
+    stored = replay.unpack(buffer.rows, STATE).lot
+    np.testing.assert_array_equal(stored.astype(jnp.uint32), [0, 1, 2**24 - 1, 12_345_677])
 
 
 def test_empty_buffer_has_the_packed_width():
