@@ -30,9 +30,8 @@ class Arguments:
     """A PNG of the joint curves."""
 
 
-def main() -> None:
+def main(arguments: Arguments) -> None:
     """Prints the table of methods and the probabilities of improvement."""
-    arguments = tyro.cli(Arguments)
     with tempfile.TemporaryDirectory() as folder:
         join(arguments.runs, Path(folder))
         data = read_metrics(folder)
@@ -49,4 +48,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    leave(main)
+    leave(main, tyro.cli(Arguments))

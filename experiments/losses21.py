@@ -9,10 +9,12 @@ recovered (no fall, at least half of that speed), and the robot time it took. Ru
 many episodes in all runs.
 """
 
+import dataclasses
 import itertools
+import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,8 +31,10 @@ from srl_jax.cli.ending import leave
 from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage_names import losses21
 from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import archive as repertoire
 from srl_jax.report.data import RunData, read_metrics
+from srl_jax.report.files import episodes, read_settings
 from srl_jax.report.join import differences
 from srl_jax.report.style import FIXED, PALETTE, STYLE
 from srl_jax.report.summary import Scores, lane_scores
@@ -92,7 +96,7 @@ def read(directory: Path) -> RunData:
     found = {lane["damage"] for lane in run.lanes}
     if run.task != "x" or found != set(losses21()):
         raise ValueError(f"{directory} is of task {run.task} and {len(found)} damages: x and losses21 are needed.")
-    evaluations = sum(step > 0 for step in run.metrics["eval/distance"].steps)
+    evaluations = int((run.metrics["eval/distance"].steps > 0).sum()) if "eval/distance" in run.metrics else 0
     if evaluations < 2:
         raise ValueError(
             f"{directory} has {evaluations} evaluations after its start: lanes are judged by the last two."
@@ -100,13 +104,20 @@ def read(directory: Path) -> RunData:
     return run
 
 
-def check(runs: dict[Path, RunData]) -> None:
-    """Raises ValueError where two runs were not judged alike: by as many episodes, in the same environment."""
-    rules = {path: {"evaluation.episodes": run.episodes, "env": run.config["env"]} for path, run in runs.items()}
-    first, *others = rules
-    for path in others:
-        if changed := differences(rules[first], rules[path]):
-            raise ValueError(f"{path} was judged otherwise than {first}: they differ in {', '.join(changed)}.")
+def rules(run: Path) -> dict[str, Any]:
+    """By what a run is judged, or will be once it is made: episodes of an evaluation, and the environment."""
+    if (run / "config.json").exists():
+        settings = read_settings(run)
+        return {"evaluation.episodes": episodes(settings), "env": settings["env"]}
+    environment = json.loads(json.dumps(dataclasses.asdict(EnvConfig())))  # lists for tuples, as in a file
+    return {"evaluation.episodes": int(SHORT["evaluation.episodes"]), "env": environment}
+
+
+def check(first: Path, others: Sequence[Path]) -> None:
+    """Raises ValueError where a run is judged otherwise than the first."""
+    for other in others:
+        if changed := differences(rules(first), rules(other)):
+            raise ValueError(f"{other} was judged otherwise than {first}: they differ in {', '.join(changed)}.")
 
 
 def scores(run: RunData, directory: Path) -> dict[str, Scores]:
@@ -199,11 +210,9 @@ def together(runs: dict[Path, RunData]) -> dict[str, Scores]:
 def main(arguments: Arguments) -> None:
     """Trains, prints the table, draws the figure."""
     others = {directory: read(directory) for directory in arguments.others}
-    if others:
-        check(others)  # before anything long
+    check(arguments.runs, arguments.others)  # before anything long
     train(arguments)
     runs = {arguments.runs: read(arguments.runs), **others}
-    check(runs)
     methods = together(runs)
     own, seconds = methods["tripod"], runs[arguments.runs].config["env"]["episode_steps"] / CONTROL_HZ
     reference = own.get("reference_distance", own["healthy_distance"]).mean() / seconds

@@ -14,24 +14,26 @@ from typing import Any
 from srl_jax.report.files import FILES, METRICS_HEADER, Lane, episodes, read_lanes, read_rows, read_settings
 
 FREE = ("algos", "memory_gb", "devices")  # settings that move no lane's numbers
+SHARED = ("env", "train", "evaluation")  # sections of all lanes; every other section is an algorithm's
 
 
 def check(directories: Sequence[Path]) -> None:
     """Compares the settings of runs, as they stand in their config.json.
 
-    Runs may differ in their algorithms, in the settings of those that only one of two has lanes of, in memory and
+    Runs may differ in their algorithms, in the settings of those of which not both of two have lanes, in memory and
     in devices. A run older than `evaluation.episodes` judged by one episode per training environment.
 
     Raises:
-        ValueError: a directory is no run's, two runs differ in anything else, or both have the same lane.
+        ValueError: no run is given, a directory is no run's, two differ in anything else, or both have the same lane.
     """
+    if not directories:
+        raise ValueError("no run is given: name the directory of one or more.")
     lanes = [read_lanes(Path(directory)) for directory in directories]
     settings = [_comparable(read_settings(Path(directory))) for directory in directories]
     for i, j in itertools.combinations(range(len(directories)), 2):
-        algos = [{lane["algo"] for lane in lanes[k]} for k in (i, j)]
-        ignored = {*FREE, *(algos[0] ^ algos[1])}
-        changed = [name for name in differences(settings[i], settings[j]) if name.split(".")[0] not in ignored]
-        if changed:
+        compared = {*SHARED, *({lane["algo"] for lane in lanes[i]} & {lane["algo"] for lane in lanes[j]})}
+        one, other = (_only(settings[k], compared) for k in (i, j))
+        if changed := differences(one, other):
             raise ValueError(f"{directories[j]} differs from {directories[i]} in {', '.join(changed)}: no fair table.")
         if twice := set(map(_condition, lanes[i])) & set(map(_condition, lanes[j])):
             name = " ".join(map(str, filter(None, min(twice))))
@@ -76,9 +78,11 @@ def join(directories: Sequence[Path], into: Path) -> None:
 def _write_config(directories: Sequence[Path], lanes: Sequence[Sequence[Lane]], into: Path) -> None:
     stored = json.loads((Path(directories[0]) / "config.json").read_text())
     settings: dict[str, Any] = stored["config"]
+    settings.setdefault("more", {})
     for directory, part in zip(directories, lanes, strict=True):
-        own = read_settings(Path(directory))
-        settings |= {lane["algo"]: own[lane["algo"]] for lane in part if lane["algo"] in own}
+        own, algos = read_settings(Path(directory)), {lane["algo"] for lane in part}
+        settings |= {name: own[name] for name in algos & own.keys()}
+        settings["more"] |= {name: value for name, value in own.get("more", {}).items() if name in algos}
     settings["algos"] = ",".join(dict.fromkeys(lane["algo"] for part in lanes for lane in part))
     (into / "config.json").write_text(json.dumps(stored, indent=2) + "\n")
 
@@ -96,7 +100,14 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 
 
 def _comparable(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {**settings, "evaluation": {**settings.get("evaluation", {}), "episodes": episodes(settings)}}
+    # Algorithms from outside the package stand under `more`; they are compared as its own are.
+    apart = {name: value for name, value in settings.items() if name != "more"} | settings.get("more", {})
+    return {**apart, "evaluation": {**settings.get("evaluation", {}), "episodes": episodes(settings)}}
+
+
+def _only(settings: Mapping[str, Any], sections: set[str]) -> dict[str, Any]:
+    plain = {name: value for name, value in settings.items() if not isinstance(value, Mapping) and name not in FREE}
+    return plain | {name: settings[name] for name in sections & settings.keys()}
 
 
 def _condition(lane: Lane) -> tuple[str, str, int, str, str]:

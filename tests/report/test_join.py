@@ -1,12 +1,15 @@
 """Runs that are comparable become one, and others are refused by the names of what differs."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
+from srl_jax.agents.registry import SHIPPED
+from srl_jax.config import Config
 from srl_jax.report.data import read_metrics
-from srl_jax.report.join import check, join
+from srl_jax.report.join import SHARED, check, join
 from srl_jax.report.summary import summarise
 from tests.report.runs import CONFIG, write
 
@@ -85,6 +88,16 @@ def test_settings_of_an_algorithm_that_both_have_are_compared(apart, tmp_path):
     check((apart[1], both))  # the first has no lanes of srl, and the same settings of ddpg
 
 
+def test_algorithms_from_outside_the_package_are_compared_as_its_own(apart, tmp_path):
+    toy = lambda speed: settings(more={"toy": {"speed": [speed]}})  # noqa: E731
+    one = write(tmp_path / "one", methods={("toy", ""): 0.5}, config=toy(1.0))
+    other = write(tmp_path / "other", methods={("toy", ""): 0.5}, seeds=(8, 9), config=toy(2.0))
+    with pytest.raises(ValueError, match=r"in toy\.speed: no fair"):
+        check((one, other))
+    join((apart[0], one), tmp_path / "joint")
+    assert read_metrics(tmp_path / "joint").config["more"] == {"toy": {"speed": [1.0]}}
+
+
 def test_a_run_that_says_nothing_of_episodes_had_one_per_environment(apart, tmp_path):
     old = {name: value for name, value in settings().items() if name != "evaluation"}
     four = write(tmp_path / "four", methods=DDPG, config=old)
@@ -99,6 +112,16 @@ def test_a_run_that_says_nothing_of_episodes_had_one_per_environment(apart, tmp_
 def test_the_same_lane_twice_is_refused(apart, tmp_path):
     with pytest.raises(ValueError, match="both have the lane srl 3 p2p leg 0: give one of them"):
         check((apart[0], apart[0]))
+
+
+def test_every_section_of_a_run_is_shared_or_an_algorithms():
+    sections = {name for name, value in vars(Config()).items() if dataclasses.is_dataclass(value)}
+    assert sections == {*SHARED, *SHIPPED}
+
+
+def test_no_run_at_all_is_refused():
+    with pytest.raises(ValueError, match="no run is given"):
+        check([])
 
 
 def test_joining_never_writes_over_a_run(apart):
