@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 from srl_jax.cli.ending import leave
-from srl_jax.report import video
+from srl_jax.report import paint
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def main(args: Args) -> None:
     """Writes the picture."""
     size = (args.oversample * args.width, args.oversample * args.height)
     pictures = [
-        shrink(video.still(name, painter=args.painter, size=size, zoom=1.3), args.oversample) for name in args.damages
+        shrink(paint.still(name, painter=args.painter, size=size, zoom=1.3), args.oversample) for name in args.damages
     ]
     gap = np.full((args.height, 8, 3), 255, np.uint8)
     row = [part for picture in pictures for part in (gap, picture)][1:]
