@@ -83,7 +83,8 @@ class Display:
         )
         for lane in summary.get("nonfinite_lanes", []):
             name = f"{lane['algo']} {lane['variant']} seed {lane['seed']} {lane['damage']}"
-            self.console.print(f"Lane {lane['lane']} ({name}) met a number that is not finite and was frozen.")
+            where = f"step {lane['step']} ({', '.join(lane['measured'])})"
+            self.console.print(f"Lane {lane['lane']} ({name}) was not finite at {where}: that counts as failed.")
         self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
 
 
