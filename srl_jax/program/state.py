@@ -105,9 +105,13 @@ class Program:
 
 def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[Teacher, ...]:
     """The teachers of an algorithm's lane, each a function of the observation and a pytree of its parameters."""
-    if program.agents[algo].own_gait:
+    return _bound(program.agents[algo], program.teachers, params)
+
+
+def _bound(agent: Agent, teachers: tuple[Callable, ...], params: tuple[Params, ...]) -> tuple[Teacher, ...]:
+    if agent.own_gait:
         return (tuned_tripod(),)
-    return tuple(Partial(teacher, p) for teacher, p in zip(program.teachers, params, strict=True))
+    return tuple(Partial(teacher, p) for teacher, p in zip(teachers, params, strict=True))
 
 
 def tuned_tripod() -> Partial:
@@ -115,13 +119,23 @@ def tuned_tripod() -> Partial:
     return Partial(gaits.act, gaits.load())
 
 
+@dataclasses.dataclass(frozen=True)
+class Student:
+    """The policy that an algorithm has learned, of one lane's actor, its teachers' parameters and an observation.
+
+    A class, since two of one algorithm are equal: what jax has compiled for one lane serves all.
+    """
+
+    agent: Agent
+    teachers: tuple[Callable[[Params, jax.Array], jax.Array], ...]
+
+    def __call__(self, actor: Params, params: tuple[Params, ...], observation: jax.Array) -> jax.Array:
+        return self.agent.student(actor, observation, teachers=_bound(self.agent, self.teachers, params))
+
+
 def student(program: Program, algo: str, actor: Params, params: tuple[Params, ...]) -> Partial:
     """The policy f32[O] -> f32[18] that an algorithm has learned, from one lane's actor and teachers' parameters."""
-
-    def policy(actor: Params, params: tuple[Params, ...], observation: jax.Array) -> jax.Array:
-        return program.agents[algo].student(actor, observation, teachers=bind_teachers(program, algo, params))
-
-    return Partial(policy, actor, params)
+    return Partial(Student(program.agents[algo], program.teachers), actor, params)
 
 
 def rows_sharding(program: Program) -> NamedSharding:
