@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from srl_jax.bayes import quadrature
+from srl_jax.cli.ending import leave
 from srl_jax.report.style import PALETTE, STYLE
 
 ESTIMATORS = {
@@ -83,9 +84,12 @@ def draw(found: dict[tuple[str, str, int], np.ndarray], arguments: Arguments) ->
         figure.savefig(arguments.out, format="png")
 
 
-def main() -> None:
+def main(arguments: Arguments) -> None:
     """Prints the table and draws the figure."""
-    arguments = tyro.cli(Arguments)
+    if arguments.repetitions < 1 or min(arguments.samples, default=0) < 1:
+        raise ValueError(
+            f"repetitions is {arguments.repetitions} and samples {arguments.samples}: give numbers of at least 1."
+        )
     keys = jax.random.split(jax.random.key(arguments.seed), arguments.repetitions)
     table = Table(title=f"Mean ± standard deviation of {arguments.repetitions:,} estimates, noise {arguments.noise:g}")
     for column in ("reward", "samples", "exact", "estimator", "in the mean", "in the log-scale", "published"):
@@ -108,4 +112,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    leave(main, tyro.cli(Arguments))

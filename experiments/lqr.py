@@ -23,6 +23,7 @@ from rich.table import Table
 
 from experiments.bandit_table import ESTIMATORS
 from srl_jax.bayes import gptd
+from srl_jax.cli.ending import leave
 from srl_jax.report.style import PALETTE, STYLE
 
 STEPS, START, START_VARIANCE, DRIFT_VARIANCE = 20, 0.3, 1e-3, 1e-2
@@ -131,6 +132,9 @@ def draw(found: dict[str, dict[int, np.ndarray]], out: Path) -> None:
 
 def main(arguments: Arguments) -> None:
     """Prints the table and draws the figure."""
+    if arguments.repetitions < 1 or min(arguments.trajectories, default=0) < 1:
+        counts = f"repetitions is {arguments.repetitions} and trajectories {arguments.trajectories}"
+        raise ValueError(f"{counts}: give numbers of at least 1.")
     keys = jax.random.split(jax.random.key(arguments.seed), arguments.repetitions)
     table = Table("method", *(f"M = {count}" for count in arguments.trajectories))
     table.title = f"Squared error / squared length, and angle (°), with 95 % intervals; noise {arguments.noise:g}"
@@ -147,4 +151,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments))
+    leave(main, tyro.cli(Arguments))

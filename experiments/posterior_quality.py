@@ -23,6 +23,7 @@ from rich.table import Table
 from srl_jax.agents.networks import Critic
 from srl_jax.bayes import dropout
 from srl_jax.bayes.calibration import coverage, spread
+from srl_jax.cli.ending import leave
 from srl_jax.report.style import PALETTE, STYLE
 from srl_jax.statistics import stratified_interval
 
@@ -119,7 +120,7 @@ def draw(methods: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> None
             axes.plot([0, 1], [0, 1], color="#999999", linestyle=":", linewidth=1)
             for index, (name, all_draws) in enumerate(methods.items()):
                 style = ":" if name.startswith("dropout") else "-"
-                colour = PALETTE[index // 2] if index else "#111111"
+                colour = PALETTE[index // 2 % len(PALETTE)] if index else "#111111"
                 share = shares(all_draws, truths, where, LEVELS).mean(0)
                 axes.plot(LEVELS, share, label=name, color=colour, linestyle=style, linewidth=1.8)
             axes.set(title=title, xlabel="level of the credible interval", ylabel="truths inside it")
@@ -130,6 +131,11 @@ def draw(methods: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> None
 
 def main(arguments: Arguments) -> None:
     """Fits, prints the table and draws the figure."""
+    for name in ("problems", "members", "updates"):
+        if getattr(arguments, name) < 1:
+            raise ValueError(f"{name} is {getattr(arguments, name)}: give at least 1.")
+    if any(not 0.0 < rate < 1.0 for rate in arguments.rates):
+        raise ValueError(f"rates is {arguments.rates}: give dropout rates between 0 and 1; none is added to them.")
     keys = jax.random.split(jax.random.key(0), arguments.problems)
     x, y, truth, exact = jax.jit(jax.vmap(problem))(keys)
     methods = {"exact": np.asarray(exact)}
@@ -146,4 +152,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments))
+    leave(main, tyro.cli(Arguments))
