@@ -28,7 +28,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def tiny():
     """As small as it can be with every part switched on: 2 seeds of DDPG, SRL and a search, one lost leg."""
     from srl_jax.config import preset
-    from srl_jax.program.settings import TrainConfig
+    from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
     base = preset("smoke")
     small = {"hidden": (16, 16), "batch": 8, "critics": 2, "freeze": (24.0,)}
@@ -44,9 +44,10 @@ def tiny():
             checkpoint_every=40,
             prior_steps=32,
             clone_updates=20,
-            physics_block=0,
-            update_block=0,
+            physics_block=1,  # several blocks in the program, as in a run of many lanes
+            update_block=1,
         ),
+        evaluation=EvaluationConfig(episodes=3),
         env=dataclasses.replace(base.env, episode_steps=10),
         ddpg=dataclasses.replace(base.ddpg, **small),
         srl=dataclasses.replace(base.srl, **small, draws=4, prior_fraction=(0.25,), behaviour_target=True),
@@ -56,17 +57,18 @@ def tiny():
 @pytest.fixture(scope="session")
 def teachers():
     """One teacher more than the paper has."""
-    from srl_jax.job import teachers as sources
+    from srl_jax.job.teachers import scripted_gait
 
-    return (sources.scripted_gait(),) * 2
+    return (scripted_gait(),) * 2
 
 
 @pytest.fixture(scope="session")
 def engine(tiny, teachers):
     """The tiny configuration's program, compiled once for all tests that use it."""
-    from srl_jax.job import plan
-    from srl_jax.program import engine as engines
-    from srl_jax.program import lanes
+    from srl_jax.job import plan, start
+    from srl_jax.program.engine import Engine
+    from srl_jax.program.lanes import lay_out
 
-    layout = lanes.lay_out(plan.make(tiny).lanes, DEVICES)
-    return engines.Engine(engines.make_program(tiny, layout, teachers))
+    # Four seeds: two rows of each algorithm on a device, so that blocks of one are several.
+    lanes = plan.make(dataclasses.replace(tiny, seeds="4")).lanes
+    return Engine(start.make_program(tiny, lay_out(lanes, DEVICES), teachers))

@@ -129,6 +129,12 @@ def restore(
     return restored, lanes._replace(prior=prior), counted, stored["about"]
 
 
+def newest(directory: Path) -> int:
+    """The environment step of the newest checkpoint in a directory of them; 0 where there is none."""
+    names = [path.name for path in directory.iterdir()] if directory.is_dir() else []
+    return max((int(name) for name in names if name.isdigit()), default=0)
+
+
 def networks(directory: Path) -> dict[str, Networks]:
     """What every algorithm has learned, from the newest checkpoint of a run's directory.
 

@@ -245,3 +245,13 @@ class Metrics:
             except OSError:
                 file.truncate(before)
                 raise
+
+
+def join_metrics(parts: Sequence[Path], into: Path) -> None:
+    """metrics.csv of a run whose lanes were trained in parts, each with a directory of its own."""
+    with replaced(into / "metrics.csv") as file:
+        csv.writer(file).writerow(Metrics.HEADER)
+        for part in parts:
+            with (part / "metrics.csv").open(newline="") as rows:
+                next(rows)
+                file.writelines(rows)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from srl_jax.config import Config
-from srl_jax.job import files, memory, teachers
+from srl_jax.job import checkpoint, files, memory, teachers
 from srl_jax.job import plan as plans
 from srl_jax.job.loop import Loop
 from srl_jax.job.plan import Plan
@@ -15,7 +15,6 @@ from srl_jax.job.progress import Listener, Progress
 from srl_jax.program.lanes import Lane
 from srl_jax.report.curves import save_curves
 from srl_jax.report.data import read_metrics
-from srl_jax.report.join import join
 from srl_jax.report.summary import summarise
 
 
@@ -52,7 +51,7 @@ def run(
     if not resume:
         directory = files.claim(directory, exact=exact)
     with files.in_use(directory):
-        files.write_config(directory, config, devices)
+        files.write_config(directory, config, devices, checkpoint.newest(directory / "checkpoints"))
         files.write_lanes(directory, plan.lanes)
         note = memory.describe(config, waves, devices)
         listener(Progress(directory, "planning", 0, config.steps, 0.0, 0.0, 0.0, {}, note))
@@ -64,7 +63,9 @@ def run(
         if taught is None:
             return None
         loop = _maker(config, plan, devices, taught, listener, stopped)
-        return loop(plan.lanes, directory).go() if len(waves) == 1 else _in_waves(config, directory, waves, loop)
+        return (
+            loop(plan.lanes, directory).go() if len(waves) == 1 else _in_waves(config, directory, devices, waves, loop)
+        )
 
 
 def _maker(config: Config, plan: Plan, devices: int, taught, listener: Listener, stopped) -> Callable[..., Loop]:
@@ -75,19 +76,19 @@ def _maker(config: Config, plan: Plan, devices: int, taught, listener: Listener,
 
 
 def _in_waves(
-    config: Config, directory: Path, waves: Sequence[Sequence[Lane]], loop: Callable[..., Loop]
+    config: Config, directory: Path, devices: int, waves: Sequence[Sequence[Lane]], loop: Callable[..., Loop]
 ) -> dict[str, Any] | None:
     """Trains one part of the lanes after the other, each in a folder of its own, and joins what they measured."""
     folders, machines = [directory / f"wave-{number}" for number in range(1, 1 + len(waves))], []
     for lanes, folder in zip(waves, folders, strict=True):
         if not (folder / "summary.json").exists():
             folder.mkdir(exist_ok=True)
-            files.write_json(folder / "config.json", files.read_json(directory))
+            files.write_config(folder, config, devices, checkpoint.newest(folder / "checkpoints"))
             files.write_lanes(folder, lanes)
             if loop(lanes, folder).go() is None:
                 return None
         machines.append(json.loads((folder / "summary.json").read_text())["machine"])
-    join(folders, directory)
+    files.join_metrics(folders, directory)
     data = read_metrics(directory)
     summary = summarise(data) | {"machine": _together(machines)}
     files.write_json(directory / "summary.json", summary)

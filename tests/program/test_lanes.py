@@ -8,18 +8,19 @@ import pytest
 
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.config import Config
-from srl_jax.program import lanes
+from srl_jax.job import plan
+from srl_jax.program import lanes, randomness
 from srl_jax.program.lanes import Lane
 
 SEEDS, DAMAGES = (0, 1, 5), ("healthy", "leg_rm")
 
 
 def table(config=None, seeds=SEEDS, algos=("ddpg", "srl"), damages=DAMAGES):
-    return lanes.table(config or Config(), seeds, algos, damages)
+    return plan.table(config or Config(), seeds, algos, damages)
 
 
 def bits(lane: Lane, stream: str = "act") -> tuple[int, ...]:
-    return tuple(jax.random.key_data(lanes.key(lane, stream)).tolist())
+    return tuple(jax.random.key_data(randomness.lane_keys([lane], stream))[0].tolist())
 
 
 def test_table_numbers_algorithms_then_damages_then_seeds():
@@ -56,7 +57,7 @@ def test_sweeping_one_algorithm_leaves_the_others_alone():
 def test_layout_holds_every_lane_once(devices):
     rows = [*table(seeds=(0, 1, 2, 3, 4), damages=("leg_rm",)), Lane(10, "acteach", 0, "p2p", "leg_rm")]
     layout = lanes.lay_out(rows, devices)
-    assert len(layout.rows) == len(layout.padding) == devices * layout.rows_per_device
+    assert len(layout.rows) == len(layout.padding) == devices * sum(count for _, count in layout.counts)
     kept = [lane for lane, pad in zip(layout.rows, layout.padding, strict=True) if not pad]
     assert sorted(lane.index for lane in kept) == list(range(11))
     assert layout.counts == (("ddpg", -(-5 // devices)), ("srl", -(-5 // devices)), ("acteach", 1))
@@ -65,12 +66,12 @@ def test_layout_holds_every_lane_once(devices):
 @pytest.mark.parametrize("devices", [1, 2, 3])
 def test_every_device_has_the_same_algorithms_in_the_same_rows(devices):
     layout = lanes.lay_out(table(), devices)
-    shares = np.array([lane.algo for lane in layout.rows]).reshape(devices, layout.rows_per_device)
+    shares = np.array([lane.algo for lane in layout.rows]).reshape(devices, -1)
     for share in shares:
         for algo, rows in layout.slices().items():
             assert set(share[rows]) == {algo}
     joined = [index for rows in layout.slices().values() for index in range(rows.start, rows.stop)]
-    assert joined == list(range(layout.rows_per_device))
+    assert joined == list(range(sum(count for _, count in layout.counts)))
 
 
 @pytest.mark.parametrize("devices", [1, 2, 3])
@@ -110,3 +111,42 @@ def test_keys_do_not_depend_on_which_lanes_run_beside():
 
     everything, few = by_name(table()), by_name(table(seeds=(5,), algos=("srl",), damages=("leg_rm",)))
     assert few.items() <= everything.items()
+
+
+def test_keys_are_made_for_many_lanes_at_once_as_for_one():
+    rows = table(seeds=tuple(range(7)))
+    together = jax.random.key_data(randomness.lane_keys(rows, "act")).tolist()
+    assert [tuple(found) for found in together] == [bits(lane) for lane in rows]
+
+
+def test_streams_of_a_step_differ_from_each_other_and_between_lanes_and_steps():
+    keys = randomness.lane_keys(table()[:3], "train")
+    found = [randomness.at_step(keys, np.int32(clock), stream) for clock in (0, 10) for stream in randomness.Stream]
+    bits_ = np.concatenate([np.asarray(jax.random.key_data(key)) for key in found])
+    assert len(np.unique(bits_, axis=0)) == len(bits_)
+
+
+def test_robots_keys_go_by_their_number():
+    keys = randomness.lane_keys(table()[:2], "train")
+    all_of_them = jax.random.key_data(randomness.per_robot(keys, 0, 6))
+    later = jax.random.key_data(randomness.per_robot(keys, 4, 2))
+    np.testing.assert_array_equal(np.asarray(all_of_them)[:, 4:], later)
+    assert len(np.unique(np.asarray(all_of_them).reshape(-1, 2), axis=0)) == 12
+
+
+@pytest.mark.parametrize(("before", "after"), [(2, 1), (1, 2), (2, 3), (3, 3)])
+def test_rows_move_to_another_layout_with_their_lanes(before, after):
+    rows = table(seeds=(0, 1, 2, 3, 4), damages=("leg_rm",))
+    old, new = lanes.lay_out(rows, before), lanes.lay_out(rows, after)
+    order = lanes.moved([lane.index for lane in old.rows], new.rows)
+    assert [old.rows[place].index for place in order] == [lane.index for lane in new.rows]
+    with pytest.raises(ValueError, match="not among those that were stored"):
+        lanes.moved([0, 1, 2], new.rows)
+
+
+def test_thousands_of_lanes_are_laid_out_by_index():
+    rows = table(seeds=tuple(range(1024)))
+    layout = lanes.lay_out(rows, 2)
+    assert sorted(layout.lanes.tolist()) == list(range(4096))
+    for algo, places in layout.rows_of.items():
+        assert {layout.rows[place].algo for place in places} == {algo}
