@@ -5,10 +5,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from srl_jax.env.anatomy import JOINTS, LEGS, SEGMENTS
 from srl_jax.env.model import (
-    JOINTS,
-    LEGS,
-    SEGMENTS,
     feet,
     forward,
     load_model,
