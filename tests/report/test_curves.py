@@ -89,15 +89,19 @@ def test_of_many_methods_the_highest_have_names(tmp_path, drawn):
     assert box.x0 >= 0 and box.x1 <= drawn[0].bbox.x1  # nothing hangs over the edge
 
 
-def test_every_damage_of_the_catalogue_has_a_panel(tmp_path, drawn):
-    damages = tuple(f"leg {n}" for n in range(76))
+@pytest.mark.parametrize(("count", "saved"), [(15, True), (76, False)])  # laying out 76 panels takes seconds
+def test_every_damage_has_a_panel_beside_the_others(tmp_path, monkeypatch, count, saved):
+    figures, real = [], style.save
+    monkeypatch.setattr(style, "save", lambda figure, path: (figures.append(figure), saved and real(figure, path)))
+    damages = tuple(f"leg {n}" for n in range(count))
     small = {"methods": {("srl", ""): 0.5}, "seeds": SEEDS[:1], "damages": damages}
     edit = lambda rows: [row for row in rows if row[2].startswith("eval/") and row[0] in (0, 300)]  # noqa: E731
     curves.save_curves(read_metrics(write(tmp_path, **small, edit=edit)), tmp_path / "curves.png")
-    titles = [axes.get_title() for axes in drawn[0].axes[2:] if axes.axison]
-    assert titles == list(damages)
-    boxes = [axes.get_window_extent() for axes in drawn[0].axes[2:9]]
-    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+    panels = [axes for axes in figures[0].axes[2:] if axes.axison]
+    assert [axes.get_title() for axes in panels] == list(damages)
+    boxes = [axes.get_window_extent() for axes in panels[:7]]
+    assert all(left.x1 < right.x0 and left.y0 == right.y0 for left, right in pairwise(boxes))
+    assert len({axes.get_ylim() for axes in panels}) == 1
 
 
 def test_panels_stand_side_by_side_whatever_their_methods(tmp_path, drawn):
