@@ -72,3 +72,18 @@ def engine(tiny, teachers):
     # Four seeds: two rows of each algorithm on a device, so that blocks of one are several.
     lanes = plan.make(dataclasses.replace(tiny, seeds="4")).lanes
     return Engine(start.make_program(tiny, lay_out(lanes, DEVICES), teachers))
+
+
+@pytest.fixture(scope="session")
+def smoke_run(tmp_path_factory):
+    """An uninterrupted smoke run: its directory, its summary, and how often its physics was traced."""
+    from srl_jax.config import preset
+    from srl_jax.env import hexapod
+    from srl_jax.job.run import run
+
+    directory, traces = tmp_path_factory.mktemp("run") / "whole", []
+    step = hexapod.step
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hexapod, "step", lambda *args: (traces.append(1), step(*args))[1])
+        summary = run(preset("smoke"), directory, DEVICES)
+    return directory, summary, len(traces)
