@@ -2,8 +2,13 @@
 
 The critic is a Gaussian process of temporal differences over one mini-batch, whose kernel is a state kernel plus the
 Fisher kernel of the actor's own scores; the policy gradient then is a weighted sum of those scores, in closed form. The
-form by Gram matrices (Akella et al. 2021) needs no matrix of the size of the network. States come from a replay, so the
-gradient is that of the states that were visited, as in other off-policy actor-critics.
+form by Gram matrices (Akella et al. 2021) needs no matrix of the size of the network.
+
+Replayed actions were chosen by earlier policies: under the present one their scores have neither mean zero nor the
+Fisher information as their second moment. Neither is asked of the data, which only say what Q is where they lie. The
+Fisher information of the kernel is the present policy's at the batch's states, ``mean_s J(s)' J(s) / sigma^2`` with J
+the actor's Jacobian, in closed form over actions (`information`). What stays off-policy are the states: the gradient is
+that of the states that were visited, as in other off-policy actor-critics, along the batch's scores.
 """
 
 from collections.abc import Sequence
@@ -60,6 +65,18 @@ def scores(actor: Params, batch: Transition, deviation: jax.Array, *, config: BA
     return jax.vmap(jax.grad(log_density), (None, 0, 0))(actor, batch.observation, batch.action)
 
 
+def information(
+    actor: Params, batch: Transition, directions: Params, deviation: jax.Array, *, config: BACConfig
+) -> jax.Array:
+    """F f32[B, B A] with ``F F' = U' G U`` for scores U and the policy's Fisher information G at the batch's states.
+
+    ``u_i' G u_j = mean_s (J(s) u_i)' (J(s) u_j) / sigma^2``: B Jacobian-vector products, and nothing of G's size.
+    """
+    policy = lambda params: student(params, batch.observation, config=config)  # noqa: E731
+    moved = jax.vmap(lambda score: jax.jvp(policy, (actor,), (score,))[1])(directions)  # f32[B, B states, A]
+    return moved.reshape(len(moved), -1) / (deviation * jnp.sqrt(len(moved)))
+
+
 def update(
     state: BACState,
     batch: Transition,
@@ -77,13 +94,19 @@ def update(
         ``gradient_norm``; ``gradient_failed``, 1 where the process could not be fitted and nothing was learned.
     """
     del key, teachers
-    directions = scores(state.actor, batch, noise.scale(hyper, step), config=config)
+    deviation = noise.scale(hyper, step)
+    directions = scores(state.actor, batch, deviation, config=config)
     products = gram.matrix(directions)
     value = gptd.rbf(hyper.kernel_length, hyper.value_scale)
     discounts = hyper.gamma * batch.discount
     covariance = gptd.state_kernel(value, batch.observation, batch.next_observation, discounts)
     posterior = gram.posterior(
-        products, batch.reward, covariance, noise=hyper.reward_noise, scale=hyper.advantage_scale
+        products,
+        batch.reward,
+        covariance,
+        noise=hyper.reward_noise,
+        scale=hyper.advantage_scale,
+        information=information(state.actor, batch, directions, deviation, config=config),
     )
     gradient = gram.combine(posterior.weights, directions)
     # A gradient that could not be estimated is zero, and Adam must not see it either.

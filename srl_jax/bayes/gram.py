@@ -37,12 +37,17 @@ def posterior(
     noise: jax.Array | float = NOISE,
     scale: jax.Array | float = 1.0,
     ridge: jax.Array | float = SHRINKAGE,
+    information: jax.Array | None = None,
 ) -> Posterior:
     """Model 2 of Bayesian quadrature with the kernel ``k_s + scale u_i' G^-1 u_j``: ``weights = scale C R``.
 
     A kernel of states alone adds nothing to the integral, since the score has mean zero in every state; it explains
     returns, as a baseline does (a constant kernel is a constant baseline). ``G = (U U' + r I) / N`` is of all N scores,
     of which the first M have returns, and Woodbury gives ``U' G^-1 U = N S (S + r I)^-1`` for the Gram matrix S.
+
+    That G is the policy's only where the scores are those of its own actions. Where they are not, give `information`:
+    the policy is then the one that moves along the scores alone, ``theta + U w``, and the Fisher kernel
+    ``S (U' G U + r S)^-1 S``.
 
     Args:
         gram: f[N, N], see `matrix`. Scores beyond the first M cost no reward, only draws from the policy. With N = M
@@ -51,7 +56,8 @@ def posterior(
         state_kernel: f[M, M], positive semi-definite, with its own scale; None is zero.
         noise: f[] variance of a return about the process.
         scale: f[] prior variance of the Fisher kernel.
-        ridge: f[] r as a fraction of the mean diagonal of S.
+        ridge: f[] r as a fraction of the mean diagonal of S, or of G in the span of the scores.
+        information: f[N, D] F with ``F F' = U' G U`` for the policy's own G (`variance` then has no meaning).
 
     Raises:
         ValueError: no return, or shapes that do not fit.
@@ -59,7 +65,7 @@ def posterior(
     gram, returns, state_kernel = _checked(gram, returns, state_kernel)
     count, total = len(returns), len(gram)
     level = jnp.asarray(ridge * jnp.mean(jnp.diagonal(gram)), gram.dtype)
-    half = _fisher_half(gram, level)[:count]
+    half = (_fisher_half(gram, level) if information is None else _half_of(gram, information, ridge))[:count]
     kernel = state_kernel + scale * dot(half, half.T)
     factor, _ = jittered_cholesky(kernel, jnp.asarray(noise, kernel.dtype))
     weights = scale * cho_solve((factor, True), returns)
@@ -105,6 +111,19 @@ def _fisher_half(gram: jax.Array, level: jax.Array) -> jax.Array:
     values = jnp.maximum(values, 0.0)
     gain = jnp.sqrt(len(gram) * values / (values + level))
     return vectors * gain[None, :]
+
+
+def _half_of(gram: jax.Array, information: jax.Array, ridge: jax.Array | float) -> jax.Array:
+    # A with A A' = S (F F' + r S)^-1 S, by way of an orthonormal basis U b of the scores' span, where G is b' F F' b.
+    values, vectors = jnp.linalg.eigh(gram)
+    kept = values > len(gram) * jnp.finfo(gram.dtype).eps * values[-1]
+    root = jnp.sqrt(jnp.where(kept, values, 1.0))
+    basis = vectors * jnp.where(kept, 1.0 / root, 0.0)[None, :]
+    within = dot(basis.T, jnp.asarray(information, gram.dtype))
+    fisher = dot(within, within.T)
+    level = ridge * jnp.trace(fisher) / jnp.maximum(jnp.sum(kept), 1)
+    factor, _ = jittered_cholesky(fisher, level)
+    return solve_triangular(factor, (vectors * jnp.where(kept, root, 0.0)[None, :]).T, lower=True).T
 
 
 def _checked(

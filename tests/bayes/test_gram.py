@@ -40,6 +40,22 @@ def test_equals_the_dense_form(count, total, x64):
     np.testing.assert_allclose(flat(gram.variance(found, scores)), np.diag(dense.covariance), rtol=1e-7)
 
 
+@pytest.mark.parametrize("count", [4, 12], ids=["fewer scores than parameters", "more"])
+def test_with_the_policys_own_information_it_equals_the_dense_form_in_the_span(count, x64):
+    U, R = data(count)
+    U = 3.0 * U + 2.0  # scores of another policy's actions: neither of mean zero nor of the policy's second moment
+    root = data(20)[0] / np.sqrt(20)
+    fisher = root.T @ root
+    span = np.linalg.svd(U, full_matrices=False)[2]
+    within = span @ fisher @ span.T
+    within += 0.05 * np.trace(within) / len(within) * np.eye(len(within))
+    dense = jax.jit(quadrature.model2)(U @ span.T, R, within, noise=0.4, scale=2.0)
+    scores = tree(U)
+    found = posterior(gram.matrix(scores), R, noise=0.4, scale=2.0, ridge=0.05, information=U @ root.T)
+    assert found.ok
+    np.testing.assert_allclose(flat(gram.combine(found.weights, scores)), dense.mean @ span, rtol=1e-6)
+
+
 def test_a_constant_state_kernel_is_a_baseline(x64):
     U, _ = data(40)
     weights = np.arange(5.0)
