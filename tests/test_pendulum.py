@@ -34,3 +34,11 @@ def test_ddpg_learns_to_swing_up():
     run = jax.jit(jax.vmap(partial(pendulum.train, config=config, steps=8_000)))
     returns = run(jnp.arange(3))
     assert returns.mean() > -300, returns  # doing nothing earns about -1200, a trained policy about -160
+
+
+def test_srl_learns_to_swing_up():
+    """Judged by the student alone, which its teacher has guided at replayed states and relieved at others."""
+    config = dataclasses.replace(pendulum.CONFIGS["srl"], hidden=(32, 32), batch=64)
+    run = jax.jit(jax.vmap(partial(pendulum.train, config=config, steps=3_000)))
+    returns = run(jnp.arange(3))
+    assert returns.mean() > -400, returns

@@ -22,6 +22,7 @@ PROTOCOLS = {
 }
 MAIN_JOB = """
 import sys
+from srl_jax.job import run
 from srl_jax.agents import registry
 for algo in ("ddpg", "srl", "ddpg_warm", "acteach"):
     registry.agent(registry.settings(algo))
