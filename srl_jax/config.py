@@ -99,7 +99,7 @@ def preset(name: str) -> Config:
     base = Config()
     if name == "paper":
         agents = {algo: _paper(getattr(base, algo)) for algo in ACTOR_CRITICS}
-        agents["srl"] = dataclasses.replace(agents["srl"], dropout=(0.1,), dropout_update=True)
+        agents["srl"] = dataclasses.replace(agents["srl"], dropout=(0.1,), dropout_update=True, length_scale=(1.0,))
         env = dataclasses.replace(base.env, episode_steps=2500)
         train = TrainConfig(
             environments=1,
