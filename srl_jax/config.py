@@ -69,7 +69,9 @@ class Config:
         Raises:
             ValueError: there is none of that name.
         """
-        return getattr(self, name) if name in registry.SHIPPED else self.more.get(name, registry.settings(name))
+        if name in registry.SHIPPED:
+            return getattr(self, name)
+        return self.more[name] if name in self.more else registry.settings(name)
 
     def with_agents(self, **settings: AgentSettings) -> "Config":
         """The same run with other settings of some algorithms."""

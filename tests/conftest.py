@@ -75,6 +75,39 @@ def engine(tiny, teachers):
 
 
 @pytest.fixture(scope="session")
+def data(engine, tiny, teachers):
+    """The rows' constants."""
+    from srl_jax.job import start
+
+    names = [lane.damage for lane in engine.program.layout.rows]
+    return start.make_lanes(engine.program, tiny, teachers, "train", names)
+
+
+@pytest.fixture(scope="session")
+def fresh(engine, data):
+    """() -> a state at step 0, which is made once and copied, since a chunk takes what it is given."""
+    import jax
+    import jax.numpy as jnp
+
+    from srl_jax.job import start
+
+    state = start.init_state(engine, data)
+    return lambda: jax.tree.map(jnp.copy, state)
+
+
+@pytest.fixture(scope="session")
+def trained(engine, fresh):
+    """(data, steps, edit, mode) -> a fresh state, edited, after some vector steps, and its tally."""
+    from srl_jax.program import tally as tallies
+    from srl_jax.program.state import TRAIN
+
+    def advance(data, steps, edit=lambda state: state, mode=None):
+        return engine.chunk(edit(fresh()), tallies.empty(engine.program), data, mode or TRAIN(), steps)
+
+    return advance
+
+
+@pytest.fixture(scope="session")
 def smoke_run(tmp_path_factory):
     """An uninterrupted smoke run: its directory, its summary, and how often its physics was traced."""
     from srl_jax.config import preset

@@ -7,14 +7,10 @@ import sys
 import pytest
 import tyro
 
-from srl_jax.agents import hyper
+from srl_jax.agents import hyper, registry
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
-from srl_jax.config import ACTOR_CRITICS, ALGORITHMS, Config, preset
+from srl_jax.config import ACTOR_CRITICS, Config, preset
 from srl_jax.env.settings import TASKS
-
-
-def test_default_preset_is_the_config():
-    assert preset("default") == Config()
 
 
 def test_unknown_preset_names_the_choices():
@@ -25,14 +21,14 @@ def test_unknown_preset_names_the_choices():
 @pytest.mark.parametrize("name", ["default", "paper", "smoke"])
 def test_presets_are_consistent(name):
     config = preset(name)
-    assert set(config.algos.split(",")) <= set(ALGORITHMS) and config.task in TASKS
+    assert set(config.algos.split(",")) <= set(registry.names()) and config.task in TASKS
     train = config.train
     assert train.capacity % train.environments == 0
     assert train.checkpoint_every % train.evaluate_every == 0
     assert config.steps % train.evaluate_every == 0
     for algo in ACTOR_CRITICS:
         agent = getattr(config, algo)
-        assert len(hyper.variants(agent)) == 1, "a preset must not sweep"
+        assert len(list(hyper.variants(agent))) == 1, "a preset must not sweep"
         assert agent.batch <= train.capacity
         assert agent.freeze[0] < config.steps
         if isinstance(agent, SRLConfig):
@@ -49,7 +45,8 @@ def test_paper_preset_is_its_table():
         assert (agent.critic_optimiser, agent.actor_optimiser) == ("adam", "rmsprop")
         assert agent.actor_lr == agent.critic_lr == (3e-2,)
         assert agent.noise_decay == (0.9999,)
-    assert config.srl.dropout_update
+    assert config.srl.dropout_update and config.srl.length_scale[0] > 0.0, "its dropout is variational"
+    assert config.evaluation.episodes > 1, "one environment does not mean one episode of judgement"
 
 
 def test_algorithms_differ_where_they_should():
@@ -85,17 +82,15 @@ def test_a_sweep_that_is_no_number_is_refused(text, capsys):
     assert "tau" in capsys.readouterr().err
 
 
-def test_variants_are_the_product_of_the_sweeps():
-    config = SRLConfig(beta=(0.5, 0.6), tau=(0.01, 0.02, 0.03))
-    assert hyper.variants(config) == [{"tau": t, "beta": b} for t in (0.01, 0.02, 0.03) for b in (0.5, 0.6)]
-    assert hyper.variants(DDPGConfig()) == [{}]
+def test_an_algorithm_is_asked_for_by_name_whether_it_ships_or_not():
+    from srl_jax.agents.settings import FrozenConfig
 
-
-def test_hyper_takes_the_chosen_values_and_zeroes_what_an_agent_lacks():
-    chosen = hyper.from_config(SRLConfig(beta=(0.5, 0.6)), beta=0.6)
-    assert chosen.beta == pytest.approx(0.6) and chosen.psi == pytest.approx(0.99)
-    assert hyper.from_config(DDPGConfig()).beta == 0.0
-    assert all(value.dtype == "float32" and value.shape == () for value in chosen)
+    config = Config().with_agents(srl=SRLConfig(beta=(0.9,)), other=FrozenConfig())
+    assert config.agent("srl") is config.srl and config.srl.beta == (0.9,)
+    assert config.agent("other") == FrozenConfig() and dict(config.more) == {"other": FrozenConfig()}
+    assert config.agent("ddpg") == registry.settings("ddpg")
+    with pytest.raises(ValueError, match="algos has 'nobody': choose from ddpg, srl"):
+        config.agent("nobody")
 
 
 def test_config_answers_without_jax():

@@ -1,12 +1,14 @@
 """What a run will cost in memory and operations, by arithmetic before anything is allocated; waves of lanes to fit."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import jax
 
 from srl_jax.agents import registry
 from srl_jax.agents.settings import DDPGConfig
+from srl_jax.agents.sweep import AgentSettings
 from srl_jax.config import Config
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
 from srl_jax.program.lanes import Lane, lay_out
@@ -45,11 +47,13 @@ def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
 
 def agent_bytes(config: Config, algo: str) -> int:
     """Bytes of one lane's agent, optimisers included, without allocating it."""
-    return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(_shapes(config, algo)))
+    shapes = _shapes(config.agent(algo), observation_size(config.task, config.env))
+    return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(shapes))
 
 
-def _shapes(config: Config, algo: str) -> Any:
-    agent, size = registry.agent(config.agent(algo)), observation_size(config.task, config.env)
+@cache
+def _shapes(settings: AgentSettings, size: int) -> Any:
+    agent = registry.agent(settings)
     return jax.eval_shape(lambda key: agent.init(key, size, ACTION_SIZE, teachers=(tuned_tripod(),)), jax.random.key(0))
 
 
@@ -62,16 +66,15 @@ def waves(config: Config, lanes: Sequence[Lane], devices: int) -> list[list[Lane
     by_algo: dict[str, list[Lane]] = {}
     for lane in lanes:
         by_algo.setdefault(lane.algo, []).append(lane)
-    most = max(len(own) for own in by_algo.values())
-    for parts in range(1, most + 1):
-        cut = [_part(by_algo, number, parts) for number in range(parts)]
-        cost = needed(config, cut[0], devices)
-        if sum(cost) <= config.memory_gb * 2**30:
-            return cut
-    raise ValueError(
-        f"memory_gb is {config.memory_gb:g}, but a single lane of each algorithm needs more ({cost}); "
-        "raise it, or lower train.capacity."
-    )
+    limit, most = config.memory_gb * 2**30, max(len(own) for own in by_algo.values())
+    least = needed(config, _part(by_algo, 0, most), devices)
+    if sum(least) > limit:
+        raise ValueError(
+            f"memory_gb is {config.memory_gb:g}, but a single lane of each algorithm needs more ({least}); "
+            "raise it, or lower train.capacity."
+        )
+    parts = next(n for n in range(1, most + 1) if sum(needed(config, _part(by_algo, 0, n), devices)) <= limit)
+    return [_part(by_algo, number, parts) for number in range(parts)]
 
 
 def _part(by_algo: dict[str, list[Lane]], number: int, parts: int) -> list[Lane]:
@@ -91,7 +94,7 @@ def operations(config: Config, lanes: Sequence[Lane]) -> float:
         settings, agent = config.agent(algo), registry.agent(config.agent(algo))
         if not agent.replays or agent.network is None:
             continue
-        shapes = _shapes(config, algo)
+        shapes = _shapes(settings, observation_size(config.task, config.env))
         actor, critic = (sum(x.size for x in jax.tree.leaves(part)) for part in (shapes.actor, shapes.critic))
         steps = settings.critic_updates if isinstance(settings, DDPGConfig) else 1
         # Forward 2 operations a parameter and sample, backward 4; the critic's target, its step, then the actor's step.

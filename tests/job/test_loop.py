@@ -109,21 +109,22 @@ def test_a_run_killed_while_videos_are_drawn_only_draws_them_again(smoke_run, tm
     assert names[0] == names[1]
 
 
-def test_a_run_goes_on_with_another_number_of_devices(smoke_run, tmp_path):
-    """Begun on two devices, stopped after the first checkpoint, finished on one, which rounds otherwise."""
-    directory = tmp_path / "moved"
-    looks = iter(range(10**6))
-    config = preset("smoke")
-    begun = run(config, directory, 2, stopped=lambda: (directory / "checkpoints/800").exists() and next(looks) > 3)
-    assert begun is None
-    resume(directory, "--devices", "1")
-    ours, theirs = numbers(directory), numbers(smoke_run[0])
+def test_a_run_goes_on_with_another_number_of_devices(tmp_path):
+    """Begun on two devices, stopped at its checkpoint, finished on one, which rounds otherwise."""
+    base = preset("smoke")
+    often = dataclasses.replace(base.train, evaluate_every=160, checkpoint_every=160)
+    config, whole, moved = dataclasses.replace(base, steps=320, train=often), tmp_path / "whole", tmp_path / "moved"
+    assert run(config, whole, 2) is not None
+    assert run(config, moved, 2, stopped=lambda: (moved / "checkpoints" / "160").exists()) is None
+    resume(moved, "--devices", "1")
+    ours, theirs = numbers(moved), numbers(whole)
     assert ours.keys() == theirs.keys()
-    for key, value in theirs.items():
-        if int(key[0]) <= 800:
-            np.testing.assert_allclose(ours[key], value, rtol=1e-6, err_msg=str(key))
-    parts = json.loads((directory / "config.json").read_text())["parts"]
-    assert [(part["devices"], part["from_step"] > 0) for part in parts] == [(2, False), (1, True)]
+    later = [key for key in theirs if key[0] == "320" and np.isfinite(theirs[key])]
+    assert any(metric == "train/critic_loss" for _, _, metric in later), "it learned after it had moved"
+    for key in later:
+        np.testing.assert_allclose(ours[key], theirs[key], rtol=1e-3, atol=1e-4, err_msg=str(key))
+    parts = json.loads((moved / "config.json").read_text())["parts"]
+    assert [part["devices"] for part in parts] == [2, 1] and parts[1]["from_step"] >= 160
 
 
 def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):

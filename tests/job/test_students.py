@@ -5,7 +5,6 @@ import shutil
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
@@ -15,12 +14,10 @@ from srl_jax.config import preset
 from srl_jax.env import gait as gaits
 from srl_jax.env.hexapod import observation_size
 from srl_jax.ite import agent as ite
-from srl_jax.job import checkpoint, files, plan, start, students
-from srl_jax.job.teachers import scripted_gait
-from srl_jax.program import tally
-from srl_jax.program.lanes import lay_out
-from srl_jax.program.state import TrainState
+from srl_jax.job import files, plan, students
+from srl_jax.job.teachers import from_run
 from tests.conftest import DEVICES
+from tests.job.untrained import write
 
 ALGOS = ("tripod", "ddpg", "srl", "bac", "bpg", "ite", "pi_b")
 
@@ -32,28 +29,6 @@ def config():
     return dataclasses.replace(base, task="x", seeds="2", algos=",".join(ALGOS), env=env, behaviour="gait,gait")
 
 
-def train(config, lanes, directory):
-    """The files of a run whose agents are as they begin, but for searches, which stand somewhere else in every lane."""
-    teachers = (scripted_gait(),) * len(plan.parse_teachers(config))
-    program = start.make_program(config, lay_out(lanes, DEVICES), teachers)
-    data = start.make_lanes(program, config, teachers, "train", [lane.damage for lane in program.layout.rows])
-    agents = start.init_agents(program, data)
-    numbers = jnp.array([lane.index for lane in program.layout.of("bpg")])
-    moved = agents["bpg"].actor["offset"] + 0.01 * numbers[:, None]
-    agents["bpg"] = agents["bpg"]._replace(actor={"offset": moved})
-    rows = jnp.zeros(len(program.layout.rows))
-    state = TrainState(jnp.zeros((), jnp.int32), agents, {}, rows, rows)
-    directory.mkdir(parents=True, exist_ok=True)
-    files.write_config(directory, config, DEVICES)
-    with checkpoint.manager(directory / "checkpoints") as keeper:
-        checkpoint.save(keeper, program, state, data._replace(prior={}), tally.empty(program), {}, last=True)
-    actors = {}
-    for algo in program.layout.algos:
-        for row, lane in enumerate(program.layout.of(algo)):
-            actors[lane.index] = jax.tree.map(lambda x, row=row: x[row], agents[algo].actor)
-    return actors
-
-
 @jax.jit
 def acts(policy, observations):
     return jax.vmap(policy)(observations)
@@ -63,7 +38,7 @@ def acts(policy, observations):
 def trained(config, tmp_path_factory):
     """A run in one part, and the actor of each lane."""
     directory = tmp_path_factory.mktemp("students") / "run"
-    return directory, train(config, plan.make(config).lanes, directory)
+    return directory, write(config, directory)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +97,7 @@ def test_lanes_are_found_in_their_waves(config, observations, tmp_path):
     files.write_config(directory, config, DEVICES)
     for seed in (0, 1):
         own = [lane for lane in lanes if lane.seed == seed]
-        learned |= train(config, own, directory / f"wave-{seed + 1}")
+        learned |= write(config, directory / f"wave-{seed + 1}", own)
     run = students.open_run(directory)
     for lane in run.lanes_of("bpg"):
         wanted = jax.vmap(partial(expected, "bpg", config, learned[lane.index]))(observations)
@@ -140,6 +115,20 @@ def test_teachers_are_the_lanes_own(trained, observations):
     wanted = gaits.act(gaits.load(), observations[0])
     for teacher in (pi_b, fellow):
         np.testing.assert_allclose(teacher(observations[0]), wanted, atol=1e-6)
+
+
+def test_pi_b_of_a_finished_run_is_the_lanes_own(config, observations, tmp_path):
+    hidden = dataclasses.replace(config.srl, hidden=(8,))
+    healthy = dataclasses.replace(config, algos="srl", damage="healthy", behaviour="gait", srl=hidden)
+    learned = write(healthy, tmp_path / "healthy")
+    taught = dataclasses.replace(config, algos="ddpg,pi_b", behaviour=str(tmp_path / "healthy"))
+    write(taught, tmp_path / "taught", teachers=(from_run(tmp_path / "healthy"),))
+    run, wanted = students.open_run(tmp_path / "taught"), partial(ddpg.student, config=hidden)
+    for lane in run.lanes_of("pi_b"):
+        actor = learned[lane.seed]  # one lane a seed
+        for policy in (run.policy(lane), *run.advisers(run.lanes_of("ddpg")[lane.seed])):
+            np.testing.assert_allclose(acts(policy, observations), wanted(actor, observations), atol=1e-6)
+    assert np.abs(wanted(learned[0], observations) - wanted(learned[1], observations)).max() > 1e-3
 
 
 def test_the_last_damage_of_a_schedule(config, tmp_path):

@@ -2,9 +2,12 @@
 
 import dataclasses
 
+import jax
 import pytest
 
 from srl_jax.config import preset
+from srl_jax.env.settings import EnvConfig
+from srl_jax.job import plan
 from srl_jax.job import teachers as sources
 from srl_jax.program.lanes import Lane
 
@@ -14,7 +17,7 @@ def config(**fields):
 
 
 def test_the_first_teacher_named_is_pi_b():
-    assert sources.names(config(behaviour="gait, train")) == ["gait", "train"]
+    assert plan.parse_teachers(config(behaviour="gait, train")) == ["gait", "train"]
 
 
 @pytest.mark.parametrize(
@@ -31,12 +34,13 @@ def test_unusable_teachers_are_refused(fields, said):
 
 
 def test_a_missing_repertoire_is_refused(tmp_path):
-    base = config(algos="ite", task="x")
+    base = config(algos="ite", task="x", env=EnvConfig())
     with pytest.raises(ValueError, match="does not exist"):
         sources.check(dataclasses.replace(base, ite=dataclasses.replace(base.ite, repertoire=str(tmp_path / "map"))))
 
 
 def test_the_gait_has_no_parameter_that_a_search_could_not_feel():
     gait = sources.scripted_gait()
-    lane = Lane(0, "bpg", 0, "p2p", "leg_rm")
-    assert gait.params(lane).frequency is None and gait.clock_hz > 1.0
+    params = gait.params([Lane(0, "bpg", 0, "p2p", "leg_rm")] * 3)
+    assert params.frequency is None and gait.clock_hz > 1.0
+    assert {leaf.shape for leaf in jax.tree.leaves(params)} == {(3,)}

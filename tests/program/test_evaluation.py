@@ -9,7 +9,7 @@ from srl_jax.program import engine as engines
 from srl_jax.program import evaluation
 from srl_jax.program import tally as tallies
 from srl_jax.program.state import STUDENT, TEACHER, on_rows
-from tests.program.conftest import assert_same, row
+from tests.program.rows import assert_same, row
 
 ROWS = 12
 

@@ -5,7 +5,6 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from srl_jax.env import hexapod
 from srl_jax.job import start
@@ -15,7 +14,7 @@ from srl_jax.program import tally as tallies
 from srl_jax.program.lanes import lay_out
 from srl_jax.program.randomness import per_robot
 from srl_jax.program.state import REFERENCE, STUDENT, TEACHER, TRAIN, on_rows, tuned_tripod
-from tests.program.conftest import assert_same, row, rows_of_lane
+from tests.program.rows import assert_same, row, rows_of_lane
 
 E = 2
 ROWS = 12  # two of each algorithm on each of two devices
@@ -89,17 +88,16 @@ def test_a_search_counts_finished_episodes_and_takes_a_step_when_there_are_enoug
     assert np.all(np.asarray(trained_.alive))
 
 
-@pytest.mark.parametrize("mode", [TEACHER, REFERENCE])
-def test_teacher_and_reference_act_as_the_gait(engine, data, fresh, mode):
-    state = fresh()
-    before = row(state.world.observation, 0)
-    after, _ = engine.chunk(state, tallies.empty(engine.program), data, mode(), 1)
+def test_teacher_and_reference_act_as_the_gait(engine, data, fresh):
+    before = row(fresh().world.observation, 0)
     robot = engine.program.robot
     damage = jax.tree.map(lambda x: x[0], data.damage)
     env, _ = hexapod.reset(robot, damage, per_robot(data.key, 0, E)[0, 0])
     action = tuned_tripod()(jnp.asarray(before[0]))
     env, step = jax.jit(lambda d, e, a: hexapod.step(robot, d, e, a))(damage, env, action)
-    np.testing.assert_allclose(row(after.world.observation, 0)[0], step.observation, atol=1e-4)
+    for mode in (TEACHER, REFERENCE):
+        after, _ = engine.chunk(fresh(), tallies.empty(engine.program), data, mode(), 1)
+        np.testing.assert_allclose(row(after.world.observation, 0)[0], step.observation, atol=1e-4)
 
 
 def test_how_steps_are_cut_into_chunks_changes_no_digit(engine, data, trained):
