@@ -41,6 +41,8 @@ class Arguments:
     damage: tuple[str, ...] = ("healthy", "tibia_rm", "leg_rf", "leg_rm", "leg_rm+leg_lm")
     members: int = 5
     masks: int = 20
+    updates: int = value_network.ValueConfig.updates
+    """Of each member, in its fit."""
     seed: int = 0
 
 
@@ -77,7 +79,7 @@ def main(arguments: Arguments) -> None:
     Raises:
         ValueError: a number below 1, noise below 0, or a bad damage name.
     """
-    for name in ("episodes", "seen", "whole", "members", "masks"):
+    for name in ("episodes", "seen", "whole", "members", "masks", "updates"):
         if getattr(arguments, name) < 1:
             raise ValueError(f"{name} is {getattr(arguments, name)}; at least 1 is needed.")
     if arguments.noise < 0.0:
@@ -96,7 +98,7 @@ def main(arguments: Arguments) -> None:
     data = value.healthy_episodes(
         seen[:, : arguments.seen + 1], np.minimum(length, arguments.seen), success & ~cut, fell & ~cut
     )
-    config = value_network.ValueConfig()
+    config = value_network.ValueConfig(updates=arguments.updates)
     fit = jax.jit(jax.vmap(lambda key: value_network.fit(data, key, config=config)))
     found = fit(jax.random.split(fit_key, arguments.members))
     shape = (arguments.members, arguments.masks)

@@ -142,7 +142,7 @@ def main(args: Args) -> None:
         keys = jax.random.split(truth_key, (args.seeds, len(names)))
         each = partial(in_c, robot, actions, args.friction)
         truth = jnp.array([[each(*pair) for pair in zip(names, row, strict=True)] for row in keys])
-    observed = truth + probing.SENSOR_NOISE * jax.random.normal(noise_key, truth.shape)
+    observed = jnp.asarray(truth + probing.SENSOR_NOISE * np.asarray(jax.random.normal(noise_key, truth.shape)))
     title = f"{len(names)} damages, {args.seeds} seeds, truth in {args.truth}"
     print(title, "mean and 95 % interval after each motion", sep="\n")
     results = {}

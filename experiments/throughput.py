@@ -10,7 +10,8 @@ learning is what a training chunk takes beyond that. Every figure is the best of
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -33,6 +34,8 @@ class Arguments:
     vector_steps: int = 50
     """Vector steps in a timed chunk."""
     repeats: int = 3
+    preset: Literal["default", "smoke"] = "default"
+    """Whose networks and batches; smoke is small, to see that it works."""
 
 
 def best(action: Callable[[], Any], repeats: int) -> float:
@@ -75,26 +78,30 @@ def sgemm_rate(repeats: int) -> float:
 def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, float]:
     """Seconds a vector step takes with and without learning, and the seconds of compiling, for a number of lanes."""
     import jax
+    import jax.numpy as jnp
 
     from srl_jax.config import preset
     from srl_jax.job import plan, start
-    from srl_jax.job import teachers as sources
-    from srl_jax.program import engine as engines
-    from srl_jax.program import lanes
-    from srl_jax.program.state import STUDENT, TRAIN
+    from srl_jax.job.teachers import scripted_gait
+    from srl_jax.program import tally
+    from srl_jax.program.engine import Engine
+    from srl_jax.program.lanes import lay_out
+    from srl_jax.program.state import STUDENT, TRAIN, on_all
 
-    base = preset("default")
-    train = dataclasses.replace(base.train, capacity=4_000, warmup=8, prior_steps=800)
+    base = preset(arguments.preset)
+    capacity, prior = min(base.train.capacity, 4_000), min(base.train.prior_steps, 800)  # memory is not what is timed
+    train = dataclasses.replace(base.train, capacity=capacity, prior_steps=prior)
     config = dataclasses.replace(base, seeds=str(count // 2), damage="leg_rm", train=train)
-    layout = lanes.lay_out(plan.make(config).lanes, devices)
-    teachers = (sources.scripted_gait(),)
-    engine = engines.Engine(engines.make_program(config, layout, teachers))
-    data = engines.lane_data(engine.program, teachers, "train", [lane.damage for lane in layout.rows])
-    state = start.init_state(engine, data)
+    layout = lay_out(plan.make(config).lanes, devices)
+    teachers = (scripted_gait(),)
+    engine = Engine(start.make_program(config, layout, teachers))
+    lanes = start.make_lanes(engine.program, config, teachers, "train", [lane.damage for lane in layout.rows])
+    learning = on_all(engine.program, jnp.int32(train.warmup))
+    state, counted = start.init_state(engine, lanes)._replace(clock=learning), tally.empty(engine.program)
 
     def go(mode) -> None:
-        nonlocal state
-        state, _ = engine.chunk(state, data, mode, arguments.vector_steps)
+        nonlocal state, counted
+        state, counted = engine.chunk(state, counted, lanes, mode, arguments.vector_steps)
         jax.block_until_ready(state)
 
     acting = best(lambda: go(STUDENT()), arguments.repeats) / arguments.vector_steps
@@ -102,7 +109,7 @@ def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, floa
     return {"acting": acting, "training": training, "compile": engine.compile_seconds, "lanes": 2 * (count // 2)}
 
 
-def update_flops() -> float:
+def update_flops(arguments: Arguments) -> float:
     """Operations of one update, mean of DDPG and SRL, as the compiler counts them.
 
     It counts a loop's body once, so the critic's mini-batches after the first are missing: a lower bound.
@@ -119,31 +126,42 @@ def update_flops() -> float:
     from srl_jax.job.teachers import scripted_gait
     from srl_jax.program.replay import unpack, width
 
-    config, counts = preset("default"), []
-    size = observation_size(config.task, config.env)
-    gait = scripted_gait()
-    for agent in (config.ddpg, config.srl):
-        module, hyper = registry.module(agent), from_config(agent)
-        state = module.init(jax.random.key(0), size, ACTION_SIZE, config=agent)
-        batch = unpack(jnp.zeros((agent.batch, width(size, ACTION_SIZE))), size)
-        teachers = (Partial(gait.apply, gait.params(plan.make(config).lanes[0])),)
-        settings = {"config": agent, "hyper": hyper, "step": jnp.float32(1e6), "teachers": teachers}
-        update = jax.jit(lambda s, b, k, module=module, settings=settings: module.update(s, b, k, **settings))
-        cost: Any = update.lower(state, batch, jax.random.key(0)).compile().cost_analysis()
+    config, counts = preset(arguments.preset), []
+    size, gait = observation_size(config.task, config.env), scripted_gait()
+    params = jax.tree.map(lambda x: x[0], gait.params(plan.make(config).lanes[:1]))
+    for algo in ("ddpg", "srl"):
+        agent, hyper = registry.agent(config.agent(algo)), from_config(config.agent(algo))
+        assert agent.update is not None
+        state = agent.init(jax.random.key(0), size, ACTION_SIZE)
+        batch = unpack(jnp.zeros((agent.batch_size, width(size, ACTION_SIZE))), size)
+        learn = partial(agent.update, hyper=hyper, step=jnp.float32(1e6), teachers=(Partial(gait.apply, params),))
+        cost: Any = jax.jit(learn).lower(state, batch, jax.random.key(0)).compile().cost_analysis()
         counts.append(float(cost["flops"]))
     return float(np.mean(counts))
 
 
-def main() -> None:
-    """Times and prints the table."""
-    arguments = tyro.cli(Arguments)
+def main(arguments: Arguments) -> None:
+    """Times and prints the table.
+
+    Raises:
+        ValueError: fewer than two lanes, or nothing to time.
+    """
+    if min(arguments.lanes, default=0) < 2 or arguments.vector_steps < 1 or arguments.repeats < 1:
+        raise ValueError(
+            f"lanes is {arguments.lanes}, vector_steps {arguments.vector_steps} and repeats {arguments.repeats}; "
+            "at least 2, 1 and 1 are needed."
+        )
     devices = use_devices(arguments.devices)
 
     from srl_jax.config import preset
     from srl_jax.env.hexapod import SUBSTEPS
 
-    c_rate, peak, flops = c_mujoco_rate(devices, arguments.repeats), sgemm_rate(arguments.repeats), update_flops()
-    console, environments = Console(), preset("default").train.environments
+    c_rate, peak, flops = (
+        c_mujoco_rate(devices, arguments.repeats),
+        sgemm_rate(arguments.repeats),
+        update_flops(arguments),
+    )
+    console, environments = Console(), preset(arguments.preset).train.environments
     console.print(f"{devices} devices; C MuJoCo {c_rate:,.0f} physics steps/s; sgemm {peak / 1e9:,.0f} GFLOP/s; ")
     console.print(f"one update is at least {flops / 1e6:.1f} MFLOP (mean of DDPG and SRL)")
     table = Table(
@@ -166,4 +184,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    leave(main)
+    leave(main, tyro.cli(Arguments))

@@ -7,7 +7,8 @@ and clock phases, the same for all candidates; the report comes from draws that 
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +49,10 @@ class Args:
     """Goals of a candidate, besides straight ahead."""
     test: int = 64
     """Episodes of each kind in the report."""
+    steps: int = CONFIG.episode_steps
+    """Control steps (1/20 s) of an episode."""
+    out: Path = gaits.DATA
+    """The file of the gait and the report; the one that the package reads unless named."""
 
 
 def walk(robot: hexapod.Hexapod, damage: Damage, gait: Gait, goal: jax.Array, key: jax.Array) -> Seen:
@@ -111,37 +116,41 @@ def search(run: Callable[..., Seen], size: int, generations: int, goal_count: in
     return Gait(*(jnp.float32(round(float(value), 4)) for value in mean))
 
 
-def x_in_c(robot: hexapod.Hexapod, gait: Gait, key: jax.Array, fine: bool) -> float:
-    """x (m) after an episode straight ahead in C MuJoCo, at training's settings or with converged physics."""
+def x_in_c(robot: hexapod.Hexapod, gait: Gait, keys: jax.Array, fine: bool) -> float:
+    """Mean x (m) after episodes straight ahead in C MuJoCo, at training's settings or with converged physics."""
     c_model, substeps = hexapod.load_model(), hexapod.SUBSTEPS
     if fine:
         c_model.opt.timestep, substeps, c_model.opt.iterations = 0.002, 25, 50
         c_model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    data = mujoco.MjData(c_model)
     healthy = damages.build(damage_names.HEALTHY)
     decide = jax.jit(lambda state: gaits.act(gait, hexapod.observe(robot, healthy, state)))
     advance = jax.jit(lambda before, after, action: hexapod.advance(robot, healthy, before, after, action)[0])
-    state = hexapod.reset(robot, healthy, key)[0]._replace(goal=jnp.array(AHEAD))
-    data.qpos[:] = state.qpos
-    for _ in range(robot.config.episode_steps):
-        action = decide(state)
-        data.ctrl[:] = hexapod.targets(robot, action)
-        mujoco.mj_step(c_model, data, substeps)
-        after = state._replace(qpos=jnp.float32(data.qpos), qvel=jnp.float32(data.qvel))
-        state = advance(state, after, action)
-    return float(data.qpos[0])
+
+    def episode(key: jax.Array) -> float:
+        data = mujoco.MjData(c_model)
+        state = hexapod.reset(robot, healthy, key)[0]._replace(goal=jnp.array(AHEAD))
+        data.qpos[:] = state.qpos
+        for _ in range(robot.config.episode_steps):
+            action = decide(state)
+            data.ctrl[:] = hexapod.targets(robot, action)
+            mujoco.mj_step(c_model, data, substeps)
+            after = state._replace(qpos=jnp.float32(data.qpos), qvel=jnp.float32(data.qvel))
+            state = advance(state, after, action)
+        return float(data.qpos[0])
+
+    return float(np.mean([episode(key) for key in keys]))
 
 
 def main(args: Args) -> None:
-    """Searches, reports `test` episodes of each kind per damage, and writes gait.json.
+    """Searches, reports `test` episodes of each kind per damage, and writes the file.
 
     Raises:
         ValueError: no episode to judge by, or fewer candidates than are selected.
     """
-    for name, least in (("population", ELITE), ("generations", 1), ("goals", 1), ("test", 1)):
+    for name, least in (("population", ELITE), ("generations", 1), ("goals", 1), ("test", 1), ("steps", 1)):
         if getattr(args, name) < least:
             raise ValueError(f"{name} is {getattr(args, name)}; at least {least} is needed.")
-    robot, test = hexapod.make("p2p", CONFIG, 1.0), args.test
+    robot, test = hexapod.make("p2p", replace(CONFIG, episode_steps=args.steps), 1.0), args.test
 
     @jax.jit
     def run(damage: Damage, *rows) -> Seen:
@@ -161,12 +170,12 @@ def main(args: Args) -> None:
         print(name, measured[name], flush=True)
     robot = robot._replace(clock_hz=float(gait.frequency))
     for name, fine in (("x_in_c", False), ("x_in_fine_c", True)):
-        x = np.mean([x_in_c(robot, gait, key, fine) for key in jax.random.split(c_key, 8)])
-        print(name, measured[damage_names.HEALTHY].setdefault(name, round(float(x), 4)))
+        x = x_in_c(robot, gait, jax.random.split(c_key, 8), fine)
+        print(name, measured[damage_names.HEALTHY].setdefault(name, round(x, 4)))
     command = " ".join(["python -m experiments.tune_gait", *sys.argv[1:]])
     values = {name: round(float(value), 4) for name, value in gait._asdict().items()}
     report = {"gait": values, "measured": measured, "command": command}
-    gaits.DATA.write_text(json.dumps(report, indent=2) + "\n")
+    args.out.write_text(json.dumps(report, indent=2) + "\n")
 
 
 if __name__ == "__main__":

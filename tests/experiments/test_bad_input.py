@@ -1,6 +1,7 @@
 """Experiments refuse bad input in one sentence, before anything is simulated."""
 
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +22,10 @@ import pytest
         ("posterior_quality", {"members": 0}, "members is 0: give at least 1"),
         ("posterior_quality", {"rates": (0.1, 1.0)}, r"rates is \(0.1, 1.0\): give dropout rates between 0 and 1"),
         ("self_model", {"seeds": 0}, "seeds is 0"),
+        ("throughput", {"lanes": (1,)}, r"lanes is \(1,\), .* at least 2"),
+        ("cross_check", {"run": Path("nowhere")}, "nowhere is not the directory of a run"),
+        ("cross_check", {"run": Path("nowhere"), "episodes": 0}, "episodes is 0"),
+        ("robot_posterior", {"run": Path("nowhere")}, "nowhere is not the directory of a run"),
         ("self_model", {"damages": "coxa_rm,leg_rm"}, "'leg_rm' more than once"),
     ],
 )
