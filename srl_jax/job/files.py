@@ -1,26 +1,19 @@
-"""The files of a job: its directory, what was asked and on which machine, and a run's lanes and measured numbers."""
+"""The directory of a job, and what was asked and on which machine."""
 
 import contextlib
-import csv
 import dataclasses
 import errno
-import io
 import itertools
 import json
 import platform
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from srl_jax import machine
 from srl_jax.agents import registry
 from srl_jax.config import Config
-
-if TYPE_CHECKING:  # the command line reads configurations before jax may be imported
-    from srl_jax.program.lanes import Lane
-
-Row = tuple[int, int, str, float]  # step, lane, metric, value
 
 HELD = {errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES}
 NO_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
@@ -189,69 +182,3 @@ def _section(kind: type, values: dict[str, Any]) -> Any:
 
 def _tupled(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
-
-
-# A run's tables
-
-
-def write_lanes(directory: Path, lanes: "Sequence[Lane]") -> None:
-    """lanes.csv: one row per lane."""
-    with replaced(directory / "lanes.csv") as file:
-        writer = csv.writer(file)
-        writer.writerow(("lane", "algo", "seed", "task", "damage", "variant"))
-        writer.writerows((lane.index, lane.algo, lane.seed, lane.task, lane.damage, lane.label) for lane in lanes)
-
-
-class Metrics:
-    """metrics.csv: appended to as the run goes, cut back to where a checkpoint left it when the run resumes."""
-
-    HEADER = ("step", "lane", "metric", "value")
-
-    def __init__(self, directory: Path, keep: int | None = None):
-        """Opens the file.
-
-        Args:
-            directory: of the run.
-            keep: bytes of what is there that stay, as `size` said when the checkpoint was saved; None: a new file.
-
-        Raises:
-            ValueError: there are fewer.
-        """
-        self._path = directory / "metrics.csv"
-        if keep is None:
-            with replaced(self._path) as file:
-                csv.writer(file).writerow(self.HEADER)
-            return
-        if not self._path.exists() or self.size < keep:
-            raise ValueError(f"{self._path} is shorter than when its checkpoint was saved: restore it from a copy.")
-        with self._path.open("r+b") as file:
-            file.truncate(keep)
-
-    @property
-    def size(self) -> int:
-        """Bytes written so far."""
-        return self._path.stat().st_size
-
-    def write(self, rows: Iterable[Row]) -> None:
-        """Appends all rows or none, and hands them to the operating system, so that a killed run loses none of them."""
-        text = io.StringIO()
-        csv.writer(text).writerows((step, lane, name, f"{value:.7g}") for step, lane, name, value in rows)
-        left = memoryview(text.getvalue().encode())
-        with self._path.open("ab", buffering=0) as file:
-            before = file.tell()
-            try:
-                while left:
-                    left = left[file.write(left) :]
-            except OSError:
-                file.truncate(before)
-                raise
-
-
-def join_metrics(parts: Sequence[Path], into: Path) -> None:
-    """metrics.csv of a run whose lanes were trained in parts, each with a directory of its own."""
-    with replaced(into / "metrics.csv") as file:
-        csv.writer(file).writerow(Metrics.HEADER)
-        for part in parts:
-            with (part / "metrics.csv").open(newline="") as rows:
-                next(rows)
-                file.writelines(rows)

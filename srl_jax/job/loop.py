@@ -11,7 +11,7 @@ import numpy as np
 from srl_jax.config import Config
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
-from srl_jax.job import checkpoint, files, start
+from srl_jax.job import checkpoint, files, start, tables
 from srl_jax.job.plan import Plan
 from srl_jax.job.progress import Listener, Pace, Progress, Totals
 from srl_jax.job.teachers import Behaviour
@@ -51,7 +51,7 @@ class Loop:
         self.totals, self.pace = Totals(), Pace()
         self.evaluated = self.stage = -1  # the steps at which students were last judged, and the damage last set
         self.latest: dict[str, dict[str, float]] = {}
-        self.metrics: files.Metrics
+        self.metrics: tables.Metrics
 
     def go(self) -> dict[str, Any] | None:
         """Trains, then writes videos, summary and curves; None where it was stopped (and saved)."""
@@ -88,12 +88,12 @@ class Loop:
         found = checkpoint.restore(keeper, self.program, state, self.lanes, tally)
         if found is not None:
             state, self.lanes, tally, about = found
-            self.metrics = files.Metrics(self.directory, keep=about["metrics"])
+            self.metrics = tables.Metrics(self.directory, keep=about["metrics"])
             self.totals = Totals(**about["totals"])
             self.evaluated, self.stage = about["evaluated"], about["stage"]
             self.lanes = self.under_damage(self.lanes, max(self.stage, 0))
             return state, tally
-        self.metrics = files.Metrics(self.directory)
+        self.metrics = tables.Metrics(self.directory)
         self.show("compiling, then following pi_B", 0)
         rows = self.layout.rows
         healthy = engines.with_damage(self.program, self.lanes, [damage_names.HEALTHY] * len(rows))
@@ -192,7 +192,7 @@ class Loop:
         state, tally, finite = evaluate(self.engine, state, lanes, mode, episodes, advance=self.advance)
         return state, (tallies.means(self.program, tally, training=False), finite)
 
-    def rows(self, step: int, prefix: str, seen: tuple[dict[str, Measured], np.ndarray]) -> Iterator[files.Row]:
+    def rows(self, step: int, prefix: str, seen: tuple[dict[str, Measured], np.ndarray]) -> Iterator[tables.Row]:
         """Measurements as rows of metrics.csv; NaN for rows that were not finite."""
         measured, finite = seen
         for name, (rows, values) in measured.items():

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from srl_jax.config import Config
-from srl_jax.job import checkpoint, files, memory, teachers
+from srl_jax.job import checkpoint, files, memory, tables, teachers
 from srl_jax.job import plan as plans
 from srl_jax.job.loop import Loop
 from srl_jax.job.plan import Plan
@@ -52,7 +52,7 @@ def run(
         directory = files.claim(directory, exact=exact)
     with files.in_use(directory):
         files.write_config(directory, config, devices, checkpoint.newest(directory / "checkpoints"))
-        files.write_lanes(directory, plan.lanes)
+        tables.write_lanes(directory, plan.lanes)
         note = memory.describe(config, waves, devices)
         listener(Progress(directory, "planning", 0, config.steps, 0.0, 0.0, 0.0, {}, note))
 
@@ -84,11 +84,11 @@ def _in_waves(
         if not (folder / "summary.json").exists():
             folder.mkdir(exist_ok=True)
             files.write_config(folder, config, devices, checkpoint.newest(folder / "checkpoints"))
-            files.write_lanes(folder, lanes)
+            tables.write_lanes(folder, lanes)
             if loop(lanes, folder).go() is None:
                 return None
         machines.append(json.loads((folder / "summary.json").read_text())["machine"])
-    files.join_metrics(folders, directory)
+    tables.join_metrics(folders, directory)
     data = read_metrics(directory)
     summary = summarise(data) | {"machine": _together(machines)}
     files.write_json(directory / "summary.json", summary)

@@ -16,6 +16,7 @@ from srl_jax import machine
 from srl_jax.cli.ending import leave
 from srl_jax.config import preset
 from srl_jax.job import files
+from tests.job.conftest import DISK
 
 # Directories
 
@@ -106,51 +107,15 @@ def test_a_system_without_locks(tmp_path, monkeypatch):
 
 # A full disk
 
-SIZE = 64 * 1024
-
-
-@pytest.fixture(scope="module")
-def small_disk(tmp_path_factory):
-    """A file system of 64 kB."""
-    where = tmp_path_factory.mktemp("disk")
-    command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "tmpfs", str(where)]
-    try:
-        subprocess.run(command, check=True, capture_output=True)
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip("mounting needs more rights")
-    yield where
-    subprocess.run(["umount", str(where)], check=True)
-
-
-@pytest.fixture
-def disk(small_disk):
-    """The same, empty."""
-    for path in small_disk.iterdir():
-        path.unlink()
-    return small_disk
-
 
 def test_a_full_disk_leaves_the_old_file_and_is_one_sentence(disk, capsys):
     files.write_json(disk / "summary.json", {"old": True})
     with pytest.raises(SystemExit) as caught:
-        leave(files.write_json, disk / "summary.json", {"new": "x" * SIZE})
+        leave(files.write_json, disk / "summary.json", {"new": "x" * DISK})
     assert caught.value.code == 2
     assert capsys.readouterr().err == "srl_jax: No space left on device: while writing results.\n"
     assert [path.name for path in disk.iterdir()] == ["summary.json"]
     assert json.loads((disk / "summary.json").read_text()) == {"old": True}
-
-
-def test_metrics_on_a_full_disk_have_whole_rows_only(disk):
-    metrics = files.Metrics(disk)
-    metrics.write([(0, 0, "eval/return", 1.5)])
-    (disk / "ballast").write_bytes(b"x" * (SIZE - 8192))
-    before = (disk / "metrics.csv").read_bytes()
-    with pytest.raises(OSError, match="No space left"):
-        metrics.write((800, lane, "eval/return", 1 / 3) for lane in range(1000))
-    assert (disk / "metrics.csv").read_bytes() == before == b"step,lane,metric,value\r\n0,0,eval/return,1.5\r\n"
-    (disk / "ballast").unlink()
-    metrics.write((800, lane, "eval/return", 1 / 3) for lane in range(1000))
-    assert len((disk / "metrics.csv").read_text().splitlines()) == 1002
 
 
 # What was asked, and by whom
@@ -212,26 +177,3 @@ def test_reading_a_configuration_imports_no_jax(tmp_path):
     code = "import sys, pathlib; from srl_jax.job import files\n"
     code += "files.read_config(pathlib.Path(sys.argv[1])); sys.exit('jax' in sys.modules)"
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
-
-
-# Metrics
-
-
-def test_metrics_are_cut_back_to_where_a_checkpoint_left_them(tmp_path):
-    metrics = files.Metrics(tmp_path)
-    metrics.write((step, 0, "eval/return", step / 3) for step in (0, 800))
-    kept = metrics.size
-    metrics.write([(1600, 0, "eval/return", 1.0)])
-    with (tmp_path / "metrics.csv").open("a") as file:
-        file.write("2400,0,eval/re")  # as a process leaves it that is killed
-    files.Metrics(tmp_path, keep=kept).write([(1600, 0, "eval/return", 2.0)])
-    rows = (tmp_path / "metrics.csv").read_text().splitlines()
-    assert rows == ["step,lane,metric,value", "0,0,eval/return,0", "800,0,eval/return,266.6667", "1600,0,eval/return,2"]
-
-
-def test_metrics_that_lost_rows_are_refused(tmp_path):
-    kept = files.Metrics(tmp_path).size
-    for text in ("step", None):
-        (tmp_path / "metrics.csv").write_text(text) if text else (tmp_path / "metrics.csv").unlink()
-        with pytest.raises(ValueError, match=r"metrics\.csv is shorter than when its checkpoint was saved"):
-            files.Metrics(tmp_path, keep=kept)
