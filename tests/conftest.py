@@ -4,7 +4,10 @@ Some tests run `python -m srl_jax.run` in a subprocess, which inherits the varia
 """
 
 import dataclasses
+import fcntl
+import json
 import os
+from pathlib import Path
 
 import pytest
 
@@ -109,14 +112,24 @@ def trained(engine, fresh):
 
 @pytest.fixture(scope="session")
 def smoke_run(tmp_path_factory):
-    """An uninterrupted smoke run: its directory, its summary, and how often its physics was traced."""
+    """An uninterrupted smoke run: its directory, its summary, and how often its physics was traced.
+
+    It is made once for all processes of the tests; who comes second waits. Copy it before changing anything in it.
+    """
     from srl_jax.config import preset
     from srl_jax.env import hexapod
     from srl_jax.job.run import run
 
-    directory, traces = tmp_path_factory.mktemp("run") / "whole", []
-    step = hexapod.step
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hexapod, "step", lambda *args: (traces.append(1), step(*args))[1])
-        summary = run(preset("smoke"), directory, DEVICES)
-    return directory, summary, len(traces)
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (base / "smoke.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = base / "smoke.json"
+        if not made.exists():
+            directory, traces, step = tmp_path_factory.mktemp("run") / "whole", [], hexapod.step
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(hexapod, "step", lambda *args: (traces.append(1), step(*args))[1])
+                summary = run(preset("smoke"), directory, DEVICES)
+            made.write_text(json.dumps([str(directory), summary, len(traces)]))
+    directory, summary, traces = json.loads(made.read_text())
+    return Path(directory), summary, traces
