@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import orbax.checkpoint as ocp
 
-from srl_jax.program.lanes import moved
+from srl_jax.program.lanes import Lane, moved
 from srl_jax.program.replay import Replay
 from srl_jax.program.state import LaneData, Program, TrainState, on_all, on_rows
 from srl_jax.program.tally import Tally
@@ -135,8 +135,35 @@ def newest(directory: Path) -> int:
     return max((int(name) for name in names if name.isdigit()), default=0)
 
 
+def learned(run: Path, lanes: Sequence[Lane]) -> dict[str, Networks]:
+    """What every algorithm of a finished run has learned, be its lanes trained at once or in waves.
+
+    Args:
+        run: its directory.
+        lanes: all of the run's.
+
+    Raises:
+        ValueError: a lane has no checkpoint yet, or it cannot be read.
+    """
+    folders = sorted(run.glob("wave-*"), key=lambda path: int(path.name.rpartition("-")[2])) or [run]
+    found: dict[str, Networks] = {}
+    for wave in (networks(folder / "checkpoints") for folder in folders):
+        for algo, new in wave.items():
+            found[algo] = _joined(found[algo], new) if algo in found else new
+    missing = [lane.index for lane in lanes if lane.algo not in found or lane.index not in found[lane.algo].place]
+    if missing:
+        raise ValueError(f"{run} has not trained lane {missing[0]} yet: go on with it by --resume {run}.")
+    return found
+
+
+def _joined(old: Networks, new: Networks) -> Networks:
+    before = next((len(leaf) for leaf in jax.tree.leaves(old.trees)), 0)
+    trees = jax.tree.map(lambda *parts: jnp.concatenate(parts), old.trees, new.trees)
+    return Networks(trees, old.place | {lane: before + row for lane, row in new.place.items()})
+
+
 def networks(directory: Path) -> dict[str, Networks]:
-    """What every algorithm has learned, from the newest checkpoint of a run's directory.
+    """What every algorithm has learned, from the newest checkpoint in a directory of them.
 
     Raises:
         ValueError: there is no checkpoint, or it cannot be read.

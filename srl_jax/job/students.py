@@ -1,7 +1,7 @@
 """What the lanes of a finished run have learned, as policies, for whatever judges or shows them."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -31,7 +31,7 @@ class Run:
     plan: Plan
     teachers: tuple[Behaviour, ...]
     program: Program  # its static parts, on one device; nothing of it is compiled
-    networks: tuple[dict[str, Networks], ...]  # of each wave, by algorithm
+    networks: dict[str, Networks]  # by algorithm
 
     @property
     def robot(self) -> Hexapod:
@@ -59,19 +59,9 @@ class Run:
         return self.plan.damage(lane, self.config.steps - 1)
 
     def learned(self, lane: Lane) -> dict[str, Any]:
-        """The "actor" and "critic" of a lane, without a lane axis.
-
-        Raises:
-            ValueError: the wave that the lane belongs to has not been trained.
-        """
-        own = [wave[lane.algo] for wave in self.networks if lane.algo in wave]
-        wave = next((found for found in own if lane.index in found.place), None)
-        if wave is None:
-            raise ValueError(
-                f"{self.directory} has not trained lane {lane.index} yet: go on with it by --resume {self.directory}."
-            )
-        row = wave.place[lane.index]
-        return jax.tree.map(lambda x: x[row], wave.trees)
+        """The "actor" and "critic" of a lane, without a lane axis."""
+        trees, place = self.networks[lane.algo]
+        return jax.tree.map(lambda x: x[place[lane.index]], trees)
 
     def taught(self, lane: Lane) -> tuple[Params, ...]:
         """The parameters of a lane's teachers."""
@@ -90,20 +80,15 @@ def open_run(directory: Path) -> Run:
     """What a run has learned, by its newest checkpoints.
 
     Raises:
-        ValueError: the directory is no run's, a teacher of its was never finished, or it has no checkpoint.
+        ValueError: the directory is no run's, a lane of its has no checkpoint, or a teacher of its was never finished.
     """
     config, _ = files.read_config(directory)
     plan = plans.make(config)
-    networks = tuple(checkpoint.networks(part / "checkpoints") for part in parts(directory))
+    networks = checkpoint.learned(directory, plan.lanes)
     teachers = sources.load(config, directory, partial(_untaught, directory))
     assert teachers is not None
     program = start.make_program(config, lay_out(plan.lanes, 1), teachers)
     return Run(directory, config, plan, teachers, program, networks)
-
-
-def parts(directory: Path) -> Sequence[Path]:
-    """The folders that hold a run's checkpoints: its own, or those of its waves."""
-    return sorted(directory.glob("wave-*"), key=lambda path: int(path.name.rpartition("-")[2])) or [directory]
 
 
 def _untaught(run: Path, config: Config, path: Path) -> NoReturn:

@@ -89,7 +89,7 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
         train: does the run that makes a teacher.
 
     Raises:
-        ValueError: the finished run has no healthy lane to take pi_B from.
+        ValueError: the finished run has no healthy lane to take pi_B from, or is not finished.
     """
     teachers = []
     for name in parse_teachers(config):
@@ -130,7 +130,7 @@ def from_run(path: Path) -> Behaviour:
     algo = next((a for a in STUDENTS if any(lane.algo == a and lane.damage == "healthy" for lane in lanes)), None)
     if algo is None:
         raise ValueError(f"behaviour {path} has no healthy lane: pi_B is taken from a run with --damage healthy.")
-    networks, place = checkpoint.networks(path / "checkpoints")[algo]
+    networks, place = checkpoint.learned(path, lanes)[algo]
     found = [lane for lane in lanes if lane.algo == algo and lane.damage == damage_names.HEALTHY]
     healthy = {lane.seed: place[lane.index] for lane in reversed(found)}
     rows = [healthy[seed] for seed in sorted(healthy)]
@@ -149,8 +149,9 @@ def from_trials(path: Path) -> Behaviour:
     from srl_jax.ite import agent
 
     stored, _ = files.read_config(path)
-    networks, place = checkpoint.networks(path / "checkpoints")["ite"]
-    found = {(lane.seed, lane.damage): place[lane.index] for lane in make(stored).lanes}
+    lanes = make(stored).lanes
+    networks, place = checkpoint.learned(path, lanes)["ite"]
+    found = {(lane.seed, lane.damage): place[lane.index] for lane in lanes}
 
     def params(lanes: Sequence[Lane]) -> Params:
         index = np.array([found[lane.seed, lane.damage] for lane in lanes])
