@@ -57,7 +57,7 @@ class DDPGConfig(ActorConfig):
 
     critics: Count = 2
     """Members of the critic ensemble; targets and actor use their mean."""
-    critic_updates: Count = 2
+    critic_updates: Count = 10
     """Mini-batches the critic learns from in one update, to one of the actor."""
     critic_optimiser: Literal["adam", "rmsprop"] = "adam"
     critic_lr: NotNegative = (1e-3,)

@@ -76,7 +76,8 @@ def test_operations_are_counted_per_update():
     assert memory.operations(once, plan.make(config(algos="tripod")).lanes) == 0.0
     actor = 51 * 64 + 64 * 64 + 64 * 18  # products of matrices; biases and LayerNorm add a few in a hundred
     critic = 2 * (69 * 64 + 64 * 64 + 64)
-    update = 256 * (2 * (actor + critic) + 6 * critic) + 128 * 6 * (actor + critic)
+    parts = config().ddpg.critic_updates
+    update = 128 * (parts * (2 * (actor + critic) + 6 * critic) + 6 * (actor + critic))
     one = [lane for lane in lanes if lane.algo == "ddpg"][:1]
     assert memory.operations(once, one) / 2_500 == pytest.approx(update, rel=0.06)
 
