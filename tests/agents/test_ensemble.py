@@ -99,13 +99,8 @@ def test_the_actors_gradient_hears_the_prior():
 
 @pytest.mark.parametrize("agent", [ddpg, srl])
 def test_nothing_moves_a_prior(agent):
-    config = (
-        PRIOR
-        if agent is ddpg
-        else SRLConfig(
-            hidden=(8, 8), freeze=(0.0,), prior_scale=3.0, weight_decay=(1.0,), length_scale=(1.0,), dropout_update=True
-        )
-    )
+    every_part = dict(weight_decay=(1.0,), length_scale=(1.0,), dropout_update=True)
+    config = PRIOR if agent is ddpg else SRLConfig(**vars(PRIOR), **every_part)
     state = agent.init(KEY, OBSERVATION, ACTION, config=config)
     assert jax.tree.structure(state.critic_optimiser.mu) == jax.tree.structure(state.critic["online"])
     settings = dict(config=config, hyper=from_config(config), step=jnp.float32(1e4))
