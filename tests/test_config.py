@@ -51,7 +51,10 @@ def test_paper_preset_is_its_table():
 
 def test_algorithms_differ_where_they_should():
     config = Config()
-    assert config.ddpg_warm == dataclasses.replace(config.ddpg, init="behaviour")
+    rivals = {config.ddpg.init: config.ddpg, config.ddpg_warm.init: config.ddpg_warm, "posterior": config.srl}
+    assert set(rivals) == {"random", "behaviour", "posterior"}
+    for name in ("hidden", "layer_norm", "batch", "critics", "critic_updates", "gamma", "tau", "freeze"):
+        assert len({getattr(agent, name) for agent in rivals.values()}) == 1, f"{name} makes the comparison unequal"
     assert config.acteach.guidance_weight == (0.0,) and config.acteach.critic_loss == "alpha"
     assert not config.acteach.shared_masks and config.acteach.noisy_proposals
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "srl_jax.agents"  # each is a function without arguments that calls `register`
 SHIPPED: dict[str, AgentSettings] = {
-    "ddpg": shipped.DDPGConfig(),
+    "ddpg": shipped.DDPG,
     "srl": shipped.SRLConfig(),
-    "ddpg_warm": shipped.DDPGConfig(init="behaviour"),
+    "ddpg_warm": shipped.WARM_START,
     "acteach": shipped.ACTEACH,
     "bac": shipped.BACConfig(),
     "mcpg": shipped.SearchConfig(),

@@ -70,6 +70,13 @@ class DDPGConfig(ActorConfig):
     values that it adds; 0: none."""
 
 
+DDPG = DDPGConfig(noise=(0.15,))
+"""DDPG from nothing, as tuned for itself."""
+
+WARM_START = DDPGConfig(init="behaviour", actor_lr=(1e-4,))
+"""DDPG that starts from pi_B, as tuned for itself: SRL without posterior, selection and guidance."""
+
+
 @dataclass(frozen=True)
 class SRLConfig(DDPGConfig):
     """Survivable robotic learning (Raza et al. 2021): the seven parts, each with its own switch."""

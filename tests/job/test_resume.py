@@ -77,7 +77,7 @@ def test_a_run_killed_while_videos_are_drawn_only_draws_them_again(smoke_run, tm
 
 
 def test_a_run_goes_on_with_another_number_of_devices(tmp_path):
-    """Begun on two devices, stopped, finished on one, which rounds otherwise; its rows are the same (test_checkpoint)."""
+    """Begun on two devices, stopped, finished on one, which rounds otherwise; test_checkpoint compares bits."""
     base = preset("smoke")
     often = dataclasses.replace(base.train, evaluate_every=160, checkpoint_every=160)
     config, whole, moved = dataclasses.replace(base, steps=320, train=often), tmp_path / "whole", tmp_path / "moved"
