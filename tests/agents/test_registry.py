@@ -107,7 +107,7 @@ def test_healthy_transitions_are_for_those_that_replay_them():
 
 def test_names_and_settings_of_what_ships():
     assert registry.names()[: len(registry.SHIPPED)] == tuple(registry.SHIPPED)
-    assert registry.settings("ddpg_warm") == DDPGConfig(init="behaviour")
+    assert registry.settings("ddpg_warm").init == "behaviour" and registry.settings("srl") == SRLConfig()
 
 
 def test_an_unknown_name_is_refused_in_a_sentence():
