@@ -11,7 +11,17 @@ from functools import cache
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
-from srl_jax.agents import settings as shipped
+from srl_jax.agents.settings import (
+    ACTEACH,
+    DDPG,
+    WARM_START,
+    BACConfig,
+    DDPGConfig,
+    FrozenConfig,
+    ITEConfig,
+    SearchConfig,
+    SRLConfig,
+)
 from srl_jax.agents.sweep import AgentSettings
 
 if TYPE_CHECKING:
@@ -19,27 +29,27 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "srl_jax.agents"  # each is a function without arguments that calls `register`
 SHIPPED: dict[str, AgentSettings] = {
-    "ddpg": shipped.DDPG,
-    "srl": shipped.SRLConfig(),
-    "ddpg_warm": shipped.WARM_START,
-    "acteach": shipped.ACTEACH,
-    "bac": shipped.BACConfig(),
-    "mcpg": shipped.SearchConfig(),
-    "bpg": shipped.SearchConfig(estimator="model2"),
-    "ite": shipped.ITEConfig(),
-    "tripod": shipped.FrozenConfig(policy="tripod"),
-    "pi_b": shipped.FrozenConfig(),
+    "ddpg": DDPG,
+    "srl": SRLConfig(),
+    "ddpg_warm": WARM_START,
+    "acteach": ACTEACH,
+    "bac": BACConfig(),
+    "mcpg": SearchConfig(),
+    "bpg": SearchConfig(estimator="model2"),
+    "ite": ITEConfig(),
+    "tripod": FrozenConfig(policy="tripod"),
+    "pi_b": FrozenConfig(),
 }
 Make = Callable[[Any], "Agent"]
 
 _algorithms: dict[str, AgentSettings] = dict(SHIPPED)
 _makers: dict[type[AgentSettings], str | Make] = {
-    shipped.DDPGConfig: "srl_jax.agents.ddpg",
-    shipped.SRLConfig: "srl_jax.agents.srl",
-    shipped.BACConfig: "srl_jax.agents.bac",
-    shipped.FrozenConfig: "srl_jax.agents.frozen",
-    shipped.ITEConfig: "srl_jax.ite.agent",
-    shipped.SearchConfig: "srl_jax.agents.search",
+    DDPGConfig: "srl_jax.agents.ddpg",
+    SRLConfig: "srl_jax.agents.srl",
+    BACConfig: "srl_jax.agents.bac",
+    FrozenConfig: "srl_jax.agents.frozen",
+    ITEConfig: "srl_jax.ite.agent",
+    SearchConfig: "srl_jax.agents.search",
 }
 
 
