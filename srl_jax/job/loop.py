@@ -48,7 +48,8 @@ class Loop:
         self.engine = engines.Engine(start.make_program(config, self.layout, teachers))
         self.program = self.engine.program
         self.lanes = start.make_lanes(self.program, config, teachers, "train", plan.damages(self.layout.rows, 0))
-        self.totals, self.pace = Totals(), Pace()
+        self.totals = Totals()
+        self.paces = {True: Pace(), False: Pace()}  # of training and of evaluations, which are several times as fast
         self.evaluated = self.stage = -1  # the steps at which students were last judged, and the damage last set
         self.latest: dict[str, dict[str, float]] = {}
         self.metrics: tables.Metrics
@@ -173,9 +174,10 @@ class Loop:
     ) -> tuple[TrainState, Tally]:
         """``engine.chunk`` in slices of some seconds, with a look at signals and at the display between them."""
         training = bool(mode.learn)
+        pace = self.paces[training]
         while steps and not self.stopped():
-            count = min(steps, self.pace.steps)
-            with self.pace.timing(count):
+            count = min(steps, pace.steps)
+            with pace.timing(count):
                 state, tally = jax.block_until_ready(self.engine.chunk(state, tally, lanes, mode, count))
             steps -= count
             if training:

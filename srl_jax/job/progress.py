@@ -82,7 +82,7 @@ class Pace:
     """How many vector steps fit between two looks at signals and at the display, by how long they have taken."""
 
     target: float = 2.0  # s
-    seconds: float = field(default=0.2, init=False)  # of one vector step, a guess at first
+    seconds: float = field(default=2.0, init=False)  # of one vector step; the first slice is a single one
 
     @property
     def steps(self) -> int:
