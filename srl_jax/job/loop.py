@@ -48,6 +48,7 @@ class Loop:
         self.engine = engines.Engine(start.make_program(config, self.layout, teachers))
         self.program = self.engine.program
         self.lanes = start.make_lanes(self.program, config, teachers, "train", plan.damages(self.layout.rows, 0))
+        self.learners = sum(self.program.agents[lane.algo].update is not None for lane in plan.lanes)
         self.totals = Totals()
         self.paces = {True: Pace(), False: Pace()}  # of training and of evaluations, which are several times as fast
         self.evaluated = self.stage = -1  # the steps at which students were last judged, and the damage last set
@@ -225,11 +226,11 @@ class Loop:
 
     def show(self, phase: str, step: int) -> None:
         """Tells the listener how far the run is."""
-        rate, updates = self.totals.rates(self.config, len(self.plan.lanes))
+        rate, updates = self.totals.rates(self.config, len(self.plan.lanes), self.learners)
         seconds, steps = self.totals.training_seconds, self.config.steps
         self.listener(Progress(self.directory, phase, step, steps, seconds, rate, updates, self.latest))
 
     def machine(self) -> dict[str, Any]:
         """What the run took, earlier processes included."""
         lanes, devices = len(self.plan.lanes), self.layout.devices
-        return self.totals.summary(self.config, lanes, devices, self.engine.compile_seconds)
+        return self.totals.summary(self.config, lanes, self.learners, devices, self.engine.compile_seconds)

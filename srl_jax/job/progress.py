@@ -56,15 +56,17 @@ class Totals:
         seconds = self.compile_seconds + compile_seconds
         return Totals(self.training_seconds, self.trained, seconds, max(peaks, default=None))
 
-    def rates(self, config: Config, lanes: int) -> tuple[float, float]:
-        """Environment steps and updates per second, of all lanes together."""
-        rate = lanes * self.trained / self.training_seconds if self.training_seconds else 0.0
-        return rate, rate / (config.train.environments * config.train.update_every)
+    def rates(self, config: Config, lanes: int, learners: int) -> tuple[float, float]:
+        """Environment steps per second of all lanes together, and updates of those that learn from a replay."""
+        each = self.trained / self.training_seconds if self.training_seconds else 0.0
+        return lanes * each, learners * each / (config.train.environments * config.train.update_every)
 
-    def summary(self, config: Config, lanes: int, devices: int, compile_seconds: float) -> dict[str, Any]:
+    def summary(
+        self, config: Config, lanes: int, learners: int, devices: int, compile_seconds: float
+    ) -> dict[str, Any]:
         """The entry `machine` of summary.json."""
         total = self.now(compile_seconds)
-        rate, updates = self.rates(config, lanes)
+        rate, updates = self.rates(config, lanes, learners)
         return {
             "devices": devices,
             "lanes": lanes,

@@ -37,11 +37,12 @@ def test_totals_go_on_from_an_earlier_process(clock, monkeypatch):
     second.trained += 500
     monkeypatch.setattr(progress.machine, "peak_memory_gib", lambda: 2.0)
     config = preset("default")
-    found = second.summary(config, lanes=4, devices=2, compile_seconds=7.0)
+    found = second.summary(config, lanes=4, learners=3, devices=2, compile_seconds=7.0)
     assert (found["training_seconds"], found["compile_seconds"], found["peak_memory_gib"]) == (15.0, 37.0, 3.0)
     assert found["environment_steps_per_second"] == 4 * 1_500 / 15
-    assert found["updates_per_second"] == 4 * 1_500 / 15 / (config.train.environments * config.train.update_every)
+    each = 1_500 / 15 / (config.train.environments * config.train.update_every)
+    assert found["updates_per_second"] == round(3 * each), "a lane without a replay has no updates"
 
 
 def test_totals_of_nothing_have_no_rate():
-    assert Totals().rates(preset("default"), 4) == (0.0, 0.0)
+    assert Totals().rates(preset("default"), 4, 2) == (0.0, 0.0)
