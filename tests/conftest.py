@@ -17,6 +17,8 @@ DEVICES = 2  # as on the smallest machine this runs on, so that laying lanes ove
 def pytest_configure(config: pytest.Config) -> None:
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     os.environ.setdefault("NPROC", "4")  # XLA's thread pool must be larger than the number of devices
+    # Tests wait for the compiler far longer than for what it has compiled.
+    os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     # Physics takes 10-30 s to compile, so compiled programs are kept; `--cache-clear` drops them.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax")))
 

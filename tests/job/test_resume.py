@@ -35,23 +35,31 @@ def wait_for(condition, process, seconds=400):
         time.sleep(0.05)
 
 
-def killed_when(condition, directory: Path) -> None:
+def killed_when(condition, command: list[str]) -> None:
     """A run of the command line that is killed without warning at the moment that is asked for."""
-    with subprocess.Popen([*COMMAND, str(directory)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         wait_for(condition, process)
         process.send_signal(signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL
-    assert not (directory / "summary.json").exists()
 
 
-def test_a_killed_run_resumes_to_the_same_numbers(smoke_run, tmp_path):
+def test_a_run_that_is_killed_twice_resumes_to_the_same_numbers(smoke_run, tmp_path):
+    """After its first checkpoint, and once more while videos are drawn: then only they are drawn again."""
     directory = tmp_path / "killed"
-    killed_when(lambda: list(directory.glob("checkpoints/[0-9]*")), directory)
+    killed_when(lambda: list(directory.glob("checkpoints/[0-9]*")), [*COMMAND, str(directory)])
+    saved = directory / "checkpoints" / "1600"
+    killed_when(lambda: saved.exists() and (directory / "videos").exists(), [*PYTHON, "--resume", str(directory)])
+    assert not (directory / "summary.json").exists()
     resume(directory)
     assert results(directory) == results(smoke_run[0])
+    machine = json.loads((directory / "summary.json").read_text())["machine"]
+    kept = machine["training_seconds"], machine["environment_steps_per_second"]
+    assert min(kept) > 0.0, "the last process did not train: its totals are those of the earlier ones"
+    names = [{path.name for path in (d / "videos").iterdir()} for d in (directory, smoke_run[0])]
+    assert names[0] == names[1]
 
 
-def test_a_terminated_run_saves_and_says_how_to_go_on(smoke_run, tmp_path):
+def test_a_terminated_run_saves_and_says_how_to_go_on(tmp_path):
     directory = tmp_path / "terminated"
     command = [*COMMAND, str(directory)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
@@ -60,40 +68,22 @@ def test_a_terminated_run_saves_and_says_how_to_go_on(smoke_run, tmp_path):
         printed = process.communicate()[0]
     assert process.returncode == 128 + signal.SIGTERM, printed
     assert f"--resume {directory}" in printed
-    resume(directory)
-    assert results(directory) == results(smoke_run[0])
-
-
-def test_a_run_killed_while_videos_are_drawn_only_draws_them_again(smoke_run, tmp_path):
-    directory = tmp_path / "drawing"
-    killed_when(lambda: (directory / "videos").exists() and (directory / "checkpoints" / "1600").exists(), directory)
-    resume(directory)
-    assert results(directory) == results(smoke_run[0])
-    machine = json.loads((directory / "summary.json").read_text())["machine"]
-    assert machine["training_seconds"] > 0.0, "the totals of the first part are kept"
-    assert machine["environment_steps_per_second"] > 0
-    names = [{path.name for path in (d / "videos").iterdir()} for d in (directory, smoke_run[0])]
-    assert names[0] == names[1]
 
 
 def test_a_run_goes_on_with_another_number_of_devices(tmp_path):
-    """Begun on two devices, stopped, finished on one, which rounds otherwise; test_checkpoint compares bits."""
+    """Begun on two devices, stopped, finished on one; that no bit is lost on the way: test_checkpoint."""
     base = preset("smoke")
     often = dataclasses.replace(base.train, evaluate_every=160, checkpoint_every=160)
-    config, whole, moved = dataclasses.replace(base, steps=320, train=often), tmp_path / "whole", tmp_path / "moved"
-    assert run(config, whole, 2) is not None
+    config, moved = dataclasses.replace(base, steps=320, train=often), tmp_path / "moved"
     seen: list[int] = []
     stopped = lambda: bool(seen) and seen[-1] >= 160  # noqa: E731
     assert run(config, moved, 2, listener=lambda status: seen.append(status.step), stopped=stopped) is None
     resume(moved, "--devices", "1")
-    ours, theirs = numbers(moved), numbers(whole)
-    assert ours.keys() == theirs.keys()
-    for (step, lane, metric), value in theirs.items():
-        if step == "320" and np.isfinite(value):
-            # Adam's first steps are as large for a gradient of rounding as for any other.
-            close = {"rtol": 0.1} if metric == "train/critic_loss" else {"atol": 0.5}
-            np.testing.assert_allclose(ours[step, lane, metric], value, err_msg=f"{metric} of lane {lane}", **close)
-    assert ("320", "0", "train/critic_loss") in theirs, "it learned after it had moved"
+    found = numbers(moved)
+    judged = {key: value for key, value in found.items() if key[0] == "320"}
+    assert {metric for _, _, metric in judged} >= {"eval/return", "train/critic_loss"}, "it learned after it had moved"
+    assert np.isfinite([value for (_, _, metric), value in judged.items() if metric != "train/return"]).all()
+    assert len({key for key in judged if key[2] == "eval/return"}) == 4
     parts = json.loads((moved / "config.json").read_text())["parts"]
     assert [part["devices"] for part in parts] == [2, 1] and parts[1]["from_step"] >= 160
 
