@@ -18,7 +18,7 @@ run: install  ## train: point to point, 10 seeds; more options in ARGS="..."
 	$(BIN)/python -m srl_jax.run --seeds 10 --task p2p $(ARGS)
 
 test: $(VENV)/.installed-dev  ## run the tests; pytest options in ARGS="..."
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(VENV)/.installed-dev  ## check style, format and types; changes nothing
 	$(BIN)/ruff check

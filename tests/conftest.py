@@ -29,6 +29,12 @@ def pytest_configure(config: pytest.Config) -> None:
     jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Folders whose tests make whole runs come first, so that no process is left with one of them at the end."""
+    long = {"job", "experiments", "program"}
+    items.sort(key=lambda item: item.path.parent.name not in long)
+
+
 @pytest.fixture(scope="session")
 def tiny():
     """As small as it can be with every part switched on: 2 seeds of DDPG, SRL and a search, one lost leg."""

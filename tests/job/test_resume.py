@@ -82,7 +82,8 @@ def test_a_run_goes_on_with_another_number_of_devices(tmp_path):
     found = numbers(moved)
     judged = {key: value for key, value in found.items() if key[0] == "320"}
     assert {metric for _, _, metric in judged} >= {"eval/return", "train/critic_loss"}, "it learned after it had moved"
-    assert np.isfinite([value for (_, _, metric), value in judged.items() if metric != "train/return"]).all()
+    known = [value for (_, _, metric), value in judged.items() if metric.startswith("eval/") or "critic" in metric]
+    assert np.isfinite(known).all()
     assert len({key for key in judged if key[2] == "eval/return"}) == 4
     parts = json.loads((moved / "config.json").read_text())["parts"]
     assert [part["devices"] for part in parts] == [2, 1] and parts[1]["from_step"] >= 160
