@@ -1,6 +1,7 @@
 """Python's part of a run: chunks of the compiled program, with evaluations, checkpoints and files between them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -166,9 +167,7 @@ class Loop:
         clock, train = int(state.clock), self.config.train
         stops = [first for first, _ in self.plan.stages if first > clock]
         stop = min([(clock // train.evaluate_every + 1) * train.evaluate_every, *stops])
-        with self.totals.training():
-            state, tally = self.advance(state, tally, self.lanes, TRAIN(), (stop - clock) // train.environments)
-        return state, tally
+        return self.advance(state, tally, self.lanes, TRAIN(), (stop - clock) // train.environments)
 
     def advance(
         self, state: TrainState, tally: Tally, lanes: LaneData, mode: Mode, steps: int
@@ -178,7 +177,7 @@ class Loop:
         pace = self.paces[training]
         while steps and not self.stopped():
             count = min(steps, pace.steps)
-            with pace.timing(count):
+            with pace.timing(count), self.totals.training() if training else nullcontext():
                 state, tally = jax.block_until_ready(self.engine.chunk(state, tally, lanes, mode, count))
             steps -= count
             if training:

@@ -1,9 +1,12 @@
 """What a run tells of itself: totals over several processes, and slices whose length follows what they take."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from srl_jax.config import preset
 from srl_jax.job import progress
+from srl_jax.job.loop import Loop
 from srl_jax.job.progress import Pace, Totals
 
 
@@ -46,3 +49,26 @@ def test_totals_go_on_from_an_earlier_process(clock, monkeypatch):
 
 def test_totals_of_nothing_have_no_rate():
     assert Totals().rates(preset("default"), 4, 2) == (0.0, 0.0)
+
+
+def test_the_rate_shown_between_two_slices_counts_the_time_of_both(clock):
+    """Three vector steps of ten environments, in slices of one: each takes 2 s, so every look sees 5 steps/s a lane."""
+    shown = []
+
+    def chunk(state, tally, lanes, mode, steps):
+        clock[0] += 2.0 * steps
+        return state, tally
+
+    loop = SimpleNamespace(
+        paces={True: Pace(), False: Pace()},
+        totals=Totals(),
+        engine=SimpleNamespace(chunk=chunk),
+        config=preset("default"),
+        stopped=lambda: False,
+    )
+    loop.show = lambda phase, step: shown.append(loop.totals.rates(loop.config, 1, 1)[0])
+    state = SimpleNamespace(clock=0)
+    Loop.advance(loop, state, None, None, SimpleNamespace(learn=True), 3)
+    assert shown == [5.0, 5.0, 5.0]
+    Loop.advance(loop, state, None, None, SimpleNamespace(learn=False), 3)
+    assert len(shown) == 3 and loop.totals.training_seconds == 6.0, "an evaluation is not training"
