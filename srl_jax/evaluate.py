@@ -19,6 +19,7 @@ from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ, EnvState, EnvStep, Hexapod
 from srl_jax.env.model import mjx
 from srl_jax.env.settings import EnvConfig
+from srl_jax.env.star import Star
 
 Array = jax.Array | np.ndarray
 Policy = Callable[[jax.Array], jax.Array]  # f32[O] -> f32[18]
@@ -60,7 +61,7 @@ def rollout_mjx(robot: Hexapod, damage: Damage, policy: Policy, keys: jax.Array,
     """
     _check_steps(steps)
     arrays = (robot.model, robot.data, robot.stance)
-    setting = (robot.task, robot.config, robot.clock_hz)
+    setting = (robot.task, robot.config, robot.clock_hz, robot.star)
     return _roll(arrays, _as_pytree(policy), damage, keys, setting=setting, steps=steps)
 
 
@@ -71,7 +72,7 @@ def _roll(
     damage: Damage,
     keys: jax.Array,
     *,
-    setting: tuple[str, EnvConfig, float],
+    setting: tuple[str, EnvConfig, float, Star | None],
     steps: int,
 ) -> Rollout:
     robot = Hexapod(*arrays, *setting)
@@ -177,7 +178,7 @@ def converged_model(damage_name: str) -> mujoco.MjModel:
 
 def _c_functions(robot: Hexapod, damage: Damage) -> tuple[Callable, Callable]:
     """Jitted acting and accounting of one control step, compiled once per setting."""
-    setting = (robot.task, robot.config, robot.clock_hz)
+    setting = (robot.task, robot.config, robot.clock_hz, robot.star)
     return partial(_act, robot.stance, setting=setting), partial(_advance, robot.stance, damage, setting=setting)
 
 

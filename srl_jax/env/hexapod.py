@@ -6,11 +6,12 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
+from srl_jax.env import physics
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model, stance
-from srl_jax.env.model import step as physics_step
 from srl_jax.env.settings import TASKS, EnvConfig
+from srl_jax.env.star import Star, State
 
 CONTROL_HZ = 20.0
 SUBSTEPS = 3  # of 1/60 s
@@ -28,6 +29,7 @@ class Hexapod(NamedTuple):
     task: str
     config: EnvConfig
     clock_hz: float  # frequency of the observed gait clock
+    star: Star | None = None  # what steps the physics; None: MJX
 
 
 class EnvState(NamedTuple):
@@ -64,7 +66,8 @@ def make(task: str, config: EnvConfig, clock_hz: float) -> Hexapod:
         raise ValueError(f"task is {task!r}: choose one of {', '.join(TASKS)}.")
     c_model = load_model()
     model = put_model(c_model)
-    return Hexapod(model, mjx.make_data(c_model), jnp.asarray(stance(c_model), jnp.float32), task, config, clock_hz)
+    pose = jnp.asarray(stance(c_model), jnp.float32)
+    return Hexapod(model, mjx.make_data(c_model), pose, task, config, clock_hz, physics.choose(config.physics))
 
 
 def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax.Array]:
@@ -90,17 +93,9 @@ def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
 
 def simulate(robot: Hexapod, damage: Damage, state: EnvState, control: jax.Array) -> EnvState:
     """One control period of physics under constant position targets f32[18]; clock and counters are left alone."""
-    model = damages.apply(robot.model, damage)
-    data = robot.data.replace(qpos=state.qpos, qvel=state.qvel, qacc_warmstart=state.warmstart, ctrl=control)
-
-    def substep(carry, _):
-        # Only what changes is carried: copying all of mjx.Data from step to step costs more than some steps.
-        data_ = data.replace(qpos=carry[0], qvel=carry[1], qacc_warmstart=carry[2])
-        data_ = physics_step(model, data_)
-        return (data_.qpos, data_.qvel, data_.qacc_warmstart), None
-
-    carry, _ = jax.lax.scan(substep, (data.qpos, data.qvel, data.qacc_warmstart), None, length=SUBSTEPS)
-    return state._replace(qpos=carry[0], qvel=carry[1], warmstart=carry[2])
+    start = State(state.qpos, state.qvel, state.warmstart)
+    end = physics.simulate(robot.star, robot.model, robot.data, damage, start, control, SUBSTEPS)
+    return state._replace(qpos=end.qpos, qvel=end.qvel, warmstart=end.warmstart)
 
 
 def step(robot: Hexapod, damage: Damage, state: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:

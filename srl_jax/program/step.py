@@ -76,7 +76,8 @@ def vector_step(
 def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
     """One control step of all robots, in blocks that fit the cache; physics is traced here and only here."""
     count = program.environments
-    block = 0 if program.wide else program.settings.physics_block * count
+    whole = program.wide or program.robot.star is not None  # which finds its own blocks
+    block = 0 if whole else program.settings.physics_block * count
     # One flat axis of robots: with lanes and robots as two axes, MJX's small products are a sixth slower.
     rows = (jax.tree.map(lambda x: jnp.repeat(x, count, axis=0), damage), *_flat((env, action)))
     flat = blocked_map(lambda args: jax.vmap(partial(hexapod.step, program.robot))(*args), rows, block)

@@ -141,7 +141,8 @@ def test_locked_joints_start_at_their_angle_and_stay(robot, rollouts, name):
     assert (np.abs(first.qpos - robot.stance)[7:] > 0).sum() == 17
 
 
-def test_a_control_step_multiplies_at_full_precision_on_every_device(robot):
+def test_a_control_step_multiplies_at_full_precision_on_every_device():
+    robot = hexapod.make("x", EnvConfig(physics="mjx"), CLOCK_HZ)
     healthy = damage.build("healthy")
     state, _ = hexapod.reset(robot, healthy, jax.random.key(0))
     found = products(partial(hexapod.step, robot), healthy, state, jnp.zeros(18))

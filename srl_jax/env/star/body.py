@@ -1,0 +1,75 @@
+"""What damage can change of a robot, arranged as the stepper reads it, and its joints' numbers likewise."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from srl_jax.env.star.constants import FILLER, Star
+from srl_jax.env.star.refusals import Model
+
+Array = jax.Array | np.ndarray
+
+
+class Body(NamedTuple):
+    """One robot's numbers, links by legs; in the stepper every leaf has a trailing axis of robots."""
+
+    base_mass: Array  # f[] kg
+    base_inertia: Array  # f[3] kg m^2, about its principal axes
+    mass: Array  # f[K, L] kg
+    inertia: Array  # f[K, 3, L] kg m^2
+    armature: Array  # f[K, L] kg m^2
+    damping: Array  # f[K, L] N m s/rad
+    stiffness: Array  # f[K, L] N m/rad
+    spring: Array  # f[K, L] rad, where the spring is at rest
+    limit_weight: Array  # f[K, L] inverse weight of a limit's row
+    radius: tuple[Array, ...]  # f[n] m, of each of `Star.spheres`
+    contact_weight: tuple[Array, ...]  # f[n] inverse weight of a contact's rows
+    gain: Array  # f[K, L] N m/rad
+    bias: Array  # f[K, 3, L] N m, N m/rad, N m s/rad
+
+
+def body(star: Star, model: Model) -> Body:
+    """The `Body` of one robot, from a model or from any object with those of its leaves that damage changes."""
+    ids, mu = star.ids, star.friction
+    leaf = lambda field: jnp.asarray(getattr(model, field))  # noqa: E731
+    pyramid = (1 + mu * mu) * 2 * mu * mu / star.impratio  # of the rows of a pyramidal cone
+    weights = leaf("body_invweight0")[:, 0] * pyramid
+    return Body(
+        base_mass=leaf("body_mass")[1],
+        base_inertia=leaf("body_inertia")[1],
+        mass=by_link(leaf("body_mass"), ids.body),
+        inertia=jnp.moveaxis(by_link(leaf("body_inertia"), ids.body), 2, 1),
+        armature=by_link(leaf("dof_armature"), ids.dof, filler=1.0),
+        damping=by_link(leaf("dof_damping"), ids.dof),
+        stiffness=by_link(leaf("jnt_stiffness"), ids.joint),
+        spring=by_link(leaf("qpos_spring"), ids.qpos),
+        limit_weight=by_link(leaf("dof_invweight0"), ids.dof, filler=1.0),
+        radius=tuple(leaf("geom_size")[s.geoms, 0] for s in star.spheres),
+        contact_weight=tuple(weights[s.bodies] for s in star.spheres),
+        gain=by_link(leaf("actuator_gainprm")[:, 0], ids.actuator),
+        bias=jnp.moveaxis(by_link(leaf("actuator_biasprm")[:, :3], ids.actuator), 2, 1),
+    )
+
+
+def by_link(values: jax.Array, ids: np.ndarray, filler: float = 0.0) -> jax.Array:
+    """``values[ids]``: f[N, ...] -> f[K, L, ...], and `filler` for links that are none."""
+    if _counts_up(ids):  # a slice costs nothing, a gather does
+        rows = values[ids[0, 0] : ids[0, 0] + ids.size]
+        return jnp.swapaxes(rows.reshape(*ids.T.shape, *values.shape[1:]), 0, 1)
+    found = values[np.maximum(ids, 0)]
+    real = (ids != FILLER).reshape(*ids.shape, *(1,) * (found.ndim - 2))
+    return jnp.where(real, found, filler)
+
+
+def by_id(values: jax.Array, ids: np.ndarray) -> jax.Array:
+    """The inverse of `by_link`: f[K, L, ...] -> f[N, ...] in the order of the ids, without the filler."""
+    if _counts_up(ids):
+        return jnp.swapaxes(values, 0, 1).reshape(ids.size, *values.shape[2:])
+    order = np.argsort(np.where(ids == FILLER, np.iinfo(int).max, ids).ravel(), kind="stable")
+    return values.reshape(ids.size, *values.shape[2:])[order[: (ids != FILLER).sum()]]
+
+
+def _counts_up(ids: np.ndarray) -> bool:
+    return bool((ids.T.ravel() == ids[0, 0] + np.arange(ids.size)).all())

@@ -1,0 +1,224 @@
+"""What a star-shaped robot is to the stepper: the constants of its model, arranged by the link they belong to.
+
+A star is a floating base and L legs of up to K links in a row, each on one hinge. Legs may differ in every number; one
+that has fewer links is filled up with links that weigh nothing, turn about no axis and stay where they are.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from srl_jax.env.star.algebra import Matrix, Scalar, Vector
+from srl_jax.env.star.refusals import PLANE, Model, check, refusal
+
+NO_LIMIT = 1e6  # rad or N m: finite, since 0 times infinity is not a number
+FILLER = -1  # in place of the id of a link that only fills up a shorter leg
+
+
+class Link(NamedTuple):
+    """The k-th link of every leg; an entry is a number where all legs agree, else an array [L, 1]."""
+
+    position: Vector  # m, of its frame in its parent's
+    rotation: Matrix  # of its frame in its parent's, at angle 0
+    axis: Vector  # of its hinge, in its own frame
+    rest: Scalar  # rad, the joint's reading at angle 0
+    com: Vector  # m, in its own frame
+    principal: Matrix  # axes of inertia, in its own frame
+    limits: tuple[Scalar, Scalar]  # rad
+    control: tuple[Scalar, Scalar]  # rad
+    torque: tuple[Scalar, Scalar]  # N m
+
+
+class Spheres(NamedTuple):
+    """Spheres that may touch the floor: one of every leg, all on its k-th link, or those of the base."""
+
+    link: int | None  # None: the base's
+    geoms: np.ndarray  # i[n] ids
+    bodies: np.ndarray  # i[n] ids of what they are fixed to
+    position: Vector  # m, of their centres in the link's frame
+
+
+class Ids(NamedTuple):
+    """Where the links' numbers stand in the model, i[K, L]; `FILLER` for links that are none."""
+
+    body: np.ndarray
+    joint: np.ndarray
+    dof: np.ndarray
+    qpos: np.ndarray
+    actuator: np.ndarray
+
+
+class Softness(NamedTuple):
+    """How constraint rows give way (MuJoCo's solref and solimp), of all rows alike."""
+
+    stiffness: float  # 1/s^2
+    damping: float  # 1/s
+    least: float
+    most: float
+    width: float  # m or rad
+    middle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Star:
+    """A robot's constants; two are equal if they are the same object, so that it may be a static argument."""
+
+    links: tuple[Link, ...]
+    spheres: tuple[Spheres, ...]
+    base_com: Vector
+    base_principal: Matrix
+    ids: Ids
+    friction: float
+    softness: Softness
+    impratio: float
+    gravity: float  # m/s^2, downwards
+    timestep: float  # s
+    iterations: int
+    search_iterations: int
+    tolerance: float
+    search_tolerance: float  # as the product with `tolerance`
+
+    @property
+    def legs(self) -> int:
+        return self.ids.body.shape[1]
+
+
+def read(model: Model) -> Star:
+    """The star that `model` describes.
+
+    Raises:
+        NotAStarError: naming what the stepper cannot represent.
+    """
+    check(model)
+    ids, option = _ids(model), model.opt
+    timestep = float(option.timestep)
+    spheres = _spheres(model, ids.body)
+    return Star(
+        links=tuple(_link(model, Ids(*(x[k] for x in ids))) for k in range(len(ids.body))),
+        spheres=spheres,
+        base_com=_vector(np.asarray(model.body_ipos)[1:2]),
+        base_principal=_matrix(np.asarray(model.body_iquat)[1:2]),
+        ids=ids,
+        friction=float(np.asarray(model.geom_friction)[spheres[0].geoms[0], 0]),
+        softness=_softness(model, spheres[0].geoms[0], timestep),
+        impratio=float(option.impratio),
+        gravity=float(-option.gravity[2]),
+        timestep=timestep,
+        iterations=int(option.iterations),
+        search_iterations=int(option.ls_iterations),
+        tolerance=float(option.tolerance),
+        search_tolerance=float(option.tolerance) * float(option.ls_tolerance),
+    )
+
+
+def _ids(model: Model) -> Ids:
+    child = {int(model.body_parentid[b]): b for b in range(2, model.nbody) if model.body_parentid[b] != 1}
+    chains = []
+    for body in np.flatnonzero(model.body_parentid == 1):
+        chain = [int(body)]
+        while chain[-1] in child:
+            chain.append(child[chain[-1]])
+        chains.append(chain)
+    deepest = max(map(len, chains))
+    body = np.array([chain + [FILLER] * (deepest - len(chain)) for chain in chains]).T
+    actuator = np.argsort(model.actuator_trnid[:, 0])  # joint 0 is free and every other has one
+
+    def where(of_body: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        return np.where(body == FILLER, FILLER, of_body(np.maximum(body, 1)))
+
+    joint = where(lambda b: model.body_jntadr[b])
+    return Ids(
+        body=body,
+        joint=joint,
+        dof=where(lambda b: model.body_dofadr[b]),
+        qpos=where(lambda b: model.jnt_qposadr[model.body_jntadr[b]]),
+        actuator=where(lambda b: actuator[np.maximum(model.body_jntadr[b] - 1, 0)]),
+    )
+
+
+def _link(model: Model, ids: Ids) -> Link:
+    """One link of every leg; `ids` are i[L]."""
+    real = ids.body != FILLER
+
+    def of(field: str, index: np.ndarray, fill: float | tuple = 0.0) -> np.ndarray:
+        values = np.asarray(getattr(model, field), np.float64)[index]
+        return np.where(real.reshape(-1, *(1,) * (values.ndim - 1)), values, fill)
+
+    def between(field: str, index: np.ndarray, limited: np.ndarray) -> tuple[Scalar, Scalar]:
+        pair = np.where((limited[index] != 0)[:, None], of(field, index), (-NO_LIMIT, NO_LIMIT))
+        pair = np.where(real[:, None], pair, (-NO_LIMIT, NO_LIMIT))
+        return constant(pair[:, 0]), constant(pair[:, 1])
+
+    unit = (1.0, 0.0, 0.0, 0.0)
+    return Link(
+        position=_vector(of("body_pos", ids.body)),
+        rotation=_matrix(of("body_quat", ids.body, unit)),
+        axis=_vector(of("jnt_axis", ids.joint)),
+        rest=constant(of("qpos0", ids.qpos)),
+        com=_vector(of("body_ipos", ids.body)),
+        principal=_matrix(of("body_iquat", ids.body, unit)),
+        limits=between("jnt_range", ids.joint, model.jnt_limited),
+        control=between("actuator_ctrlrange", ids.actuator, model.actuator_ctrllimited),
+        torque=between("actuator_forcerange", ids.actuator, model.actuator_forcelimited),
+    )
+
+
+def _spheres(model: Model, body: np.ndarray) -> tuple[Spheres, ...]:
+    """The spheres that may touch the floor: those of the base, and for every leg the i-th of its chain."""
+    floor = next(g for g in np.flatnonzero(model.geom_type == PLANE) if model.geom_bodyid[g] == 0)
+    on, to = model.geom_contype, model.geom_conaffinity
+    movers = [g for g in range(model.ngeom) if g != floor and (on[g] & to[floor] or on[floor] & to[g])]
+    of_body = {b: [g for g in movers if model.geom_bodyid[g] == b] for b in range(1, model.nbody)}
+    fixed = lambda link, geoms: Spheres(  # noqa: E731
+        link, np.array(geoms), model.geom_bodyid[list(geoms)], _vector(np.asarray(model.geom_pos)[list(geoms)])
+    )
+    found = [fixed(None, of_body[1])] if of_body[1] else []
+    last = [chain[chain != FILLER][-1] for chain in body.T]
+    for link in range(len(body)):
+        own = [of_body[b] if b != FILLER else [] for b in body[link]]
+        if link == len(body) - 1:  # a filler's frame is that of the link it hangs on
+            own = [of_body[b] for b in last]
+        elif any(map(len, own)):
+            own = [[] if b in last else spheres for b, spheres in zip(body[link], own, strict=True)]
+        if len({len(spheres) for spheres in own}) > 1:
+            raise refusal(f"link {link} of some legs has more spheres than that of others")
+        found += [fixed(link, geoms) for geoms in zip(*own, strict=True)]
+    return tuple(found)
+
+
+def _softness(model: Model, geom: int, timestep: float) -> Softness:
+    timeconst, ratio = (float(x) for x in np.asarray(model.geom_solref)[geom])
+    least, most, width, middle, _ = (float(x) for x in np.asarray(model.geom_solimp)[geom])
+    timeconst = max(timeconst, 2 * timestep)
+    return Softness(
+        stiffness=1 / (most * timeconst * ratio) ** 2,
+        damping=2 / (most * timeconst),
+        least=least,
+        most=most,
+        width=width,
+        middle=middle,
+    )
+
+
+def constant(values: np.ndarray) -> Scalar:
+    """A number where all legs agree (a whole one exactly), else an array [L, 1]."""
+    values = np.where(np.abs(values) < 1e-7, 0.0, np.asarray(values, np.float64))
+    if np.ptp(values) < 1e-7:
+        value = float(values.flat[0])
+        return float(round(value)) if abs(value - round(value)) < 1e-7 else value
+    return np.asarray(values, jnp.result_type(float))[:, None]
+
+
+def _vector(values: np.ndarray) -> Vector:
+    return [constant(x) for x in np.asarray(values).T]
+
+
+def _matrix(quaternions: np.ndarray) -> Matrix:
+    matrices = np.zeros((len(quaternions), 9))
+    for row, quaternion in zip(matrices, np.asarray(quaternions, np.float64), strict=True):
+        mujoco.mju_quat2Mat(row, quaternion / np.linalg.norm(quaternion))
+    return [[constant(matrices[:, 3 * i + j]) for j in range(3)] for i in range(3)]
