@@ -19,7 +19,7 @@ from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ, EnvState, EnvStep, Hexapod
 from srl_jax.env.model import mjx
 from srl_jax.env.settings import EnvConfig
-from srl_jax.env.star import Star
+from srl_jax.env.star.constants import Star
 
 Array = jax.Array | np.ndarray
 Policy = Callable[[jax.Array], jax.Array]  # f32[O] -> f32[18]

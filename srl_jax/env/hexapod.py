@@ -11,7 +11,8 @@ from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model, stance
 from srl_jax.env.settings import TASKS, EnvConfig
-from srl_jax.env.star import Star, State
+from srl_jax.env.star.constants import Star
+from srl_jax.env.star.stepper import State
 
 CONTROL_HZ = 20.0
 SUBSTEPS = 3  # of 1/60 s

@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
-from srl_jax.env import star as stars
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model, stance
 from srl_jax.env.model import step as mjx_step
-from srl_jax.env.star import Star, State
+from srl_jax.env.star import batching
+from srl_jax.env.star.constants import Star, read
+from srl_jax.env.star.stepper import State
 
 TRIAL = 4_096  # robots by which the steppers are compared
 
@@ -19,7 +20,7 @@ TRIAL = 4_096  # robots by which the steppers are compared
 @cache
 def shipped_star() -> Star:
     """The shipped robot as the star stepper knows it; one object, so that programs compiled for it are found again."""
-    return stars.read(put_model(load_model()))
+    return read(put_model(load_model()))
 
 
 def choose(physics: str) -> Star | None:
@@ -73,7 +74,7 @@ def simulate(
         count: steps.
     """
     if star is not None:
-        return stars.simulate(star, damage, control, state, count)
+        return batching.simulate(star, damage, control, state, count)
     return simulate_mjx(model, data, damage, state, control, count)
 
 

@@ -39,7 +39,7 @@ def _values(model: Model, field: str) -> np.ndarray:
     return np.asarray(getattr(model, field))
 
 
-def _where(model: Model, kind: str, wrong: np.ndarray, what: str) -> Iterator[str]:
+def _where(model: Model, kind: str, wrong: Any, what: str) -> Iterator[str]:
     for index in np.flatnonzero(wrong):
         yield f"{name(model, kind, int(index))} {what}"
 
