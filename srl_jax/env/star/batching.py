@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from srl_jax.env.star.body import Body, body
 from srl_jax.env.star.constants import Star
-from srl_jax.env.star.refusals import Model
+from srl_jax.env.star.contacts import Model
 from srl_jax.env.star.stepper import State, steps
 
 BLOCK = 256  # robots that stay in a core's L2 cache; half as many cost a third more each, twice as many a tenth

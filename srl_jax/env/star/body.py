@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from srl_jax.env.star.constants import FILLER, Star
-from srl_jax.env.star.refusals import Model
+from srl_jax.env.star.contacts import Model
 
 Array = jax.Array | np.ndarray
+NO_SPHERE = -1e3  # radius (m) of a sphere that a leg lacks: its surface is 1 km above its centre
 
 
 class Body(NamedTuple):
@@ -46,15 +47,15 @@ def body(star: Star, model: Model) -> Body:
         stiffness=by_link(leaf("jnt_stiffness"), ids.joint),
         spring=by_link(leaf("qpos_spring"), ids.qpos),
         limit_weight=by_link(leaf("dof_invweight0"), ids.dof, filler=1.0),
-        radius=tuple(leaf("geom_size")[s.geoms, 0] for s in star.spheres),
-        contact_weight=tuple(weights[s.bodies] for s in star.spheres),
+        radius=tuple(by_link(leaf("geom_size")[:, 0], s.geoms[None], filler=NO_SPHERE)[0] for s in star.spheres),
+        contact_weight=tuple(by_link(weights, s.bodies[None], filler=1.0)[0] for s in star.spheres),
         gain=by_link(leaf("actuator_gainprm")[:, 0], ids.actuator),
         bias=jnp.moveaxis(by_link(leaf("actuator_biasprm")[:, :3], ids.actuator), 2, 1),
     )
 
 
 def by_link(values: jax.Array, ids: np.ndarray, filler: float = 0.0) -> jax.Array:
-    """``values[ids]``: f[N, ...] -> f[K, L, ...], and `filler` for links that are none."""
+    """``values[ids]``: f[N, ...] -> f[K, L, ...], and `filler` where there is no id."""
     if _counts_up(ids):  # a slice costs nothing, a gather does
         rows = values[ids[0, 0] : ids[0, 0] + ids.size]
         return jnp.swapaxes(rows.reshape(*ids.T.shape, *values.shape[1:]), 0, 1)
@@ -67,9 +68,10 @@ def by_id(values: jax.Array, ids: np.ndarray) -> jax.Array:
     """The inverse of `by_link`: f[K, L, ...] -> f[N, ...] in the order of the ids, without the filler."""
     if _counts_up(ids):
         return jnp.swapaxes(values, 0, 1).reshape(ids.size, *values.shape[2:])
-    order = np.argsort(np.where(ids == FILLER, np.iinfo(int).max, ids).ravel(), kind="stable")
-    return values.reshape(ids.size, *values.shape[2:])[order[: (ids != FILLER).sum()]]
+    flat = ids.ravel()
+    real = np.flatnonzero(flat != FILLER)
+    return values.reshape(ids.size, *values.shape[2:])[real[np.argsort(flat[real])]]
 
 
 def _counts_up(ids: np.ndarray) -> bool:
-    return bool((ids.T.ravel() == ids[0, 0] + np.arange(ids.size)).all())
+    return bool(ids[0, 0] != FILLER and (ids.T.ravel() == ids[0, 0] + np.arange(ids.size)).all())

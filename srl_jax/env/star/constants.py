@@ -6,6 +6,7 @@ that has fewer links is filled up with links that weigh nothing, turn about no a
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -13,10 +14,11 @@ import mujoco
 import numpy as np
 
 from srl_jax.env.star.algebra import Matrix, Scalar, Vector
-from srl_jax.env.star.refusals import PLANE, Model, check, refusal
+from srl_jax.env.star.contacts import Model, Softness, floor_and_spheres, meeting, softness
+from srl_jax.env.star.refusals import check
 
 NO_LIMIT = 1e6  # rad or N m: finite, since 0 times infinity is not a number
-FILLER = -1  # in place of the id of a link that only fills up a shorter leg
+FILLER = -1  # in place of the id of what a leg lacks and others have: a link, a sphere, an actuator
 
 
 class Link(NamedTuple):
@@ -37,8 +39,8 @@ class Spheres(NamedTuple):
     """Spheres that may touch the floor: one of every leg, all on its k-th link, or those of the base."""
 
     link: int | None  # None: the base's
-    geoms: np.ndarray  # i[n] ids
-    bodies: np.ndarray  # i[n] ids of what they are fixed to
+    geoms: np.ndarray  # i[n] ids, `FILLER` for a leg without
+    bodies: np.ndarray  # i[n] ids of what they are fixed to, likewise
     position: Vector  # m, of their centres in the link's frame
 
 
@@ -52,17 +54,6 @@ class Ids(NamedTuple):
     actuator: np.ndarray
 
 
-class Softness(NamedTuple):
-    """How constraint rows give way (MuJoCo's solref and solimp), of all rows alike."""
-
-    stiffness: float  # 1/s^2
-    damping: float  # 1/s
-    least: float
-    most: float
-    width: float  # m or rad
-    middle: float
-
-
 @dataclass(frozen=True, eq=False)
 class Star:
     """A robot's constants; two are equal if they are the same object, so that it may be a static argument."""
@@ -73,7 +64,8 @@ class Star:
     base_principal: Matrix
     ids: Ids
     friction: float
-    softness: Softness
+    softness: Softness  # of all contacts
+    limit_softness: Softness  # of all limits
     impratio: float
     gravity: float  # m/s^2, downwards
     timestep: float  # s
@@ -96,15 +88,20 @@ def read(model: Model) -> Star:
     check(model)
     ids, option = _ids(model), model.opt
     timestep = float(option.timestep)
-    spheres = _spheres(model, ids.body)
+    floor, geoms = floor_and_spheres(model)
+    met = meeting(model, floor, geoms[0])
+    soft = softness(met.solref, met.solimp, timestep)
+    limited = np.flatnonzero(np.asarray(model.jnt_limited))[:1]
+    of_limits = [softness(model.jnt_solref[i], model.jnt_solimp[i], timestep) for i in limited]
     return Star(
         links=tuple(_link(model, Ids(*(x[k] for x in ids))) for k in range(len(ids.body))),
-        spheres=spheres,
+        spheres=_spheres(model, ids.body, geoms),
         base_com=_vector(np.asarray(model.body_ipos)[1:2]),
         base_principal=_matrix(np.asarray(model.body_iquat)[1:2]),
         ids=ids,
-        friction=float(np.asarray(model.geom_friction)[spheres[0].geoms[0], 0]),
-        softness=_softness(model, spheres[0].geoms[0], timestep),
+        friction=met.friction,
+        softness=soft,
+        limit_softness=of_limits[0] if of_limits else soft,
         impratio=float(option.impratio),
         gravity=float(-option.gravity[2]),
         timestep=timestep,
@@ -125,7 +122,8 @@ def _ids(model: Model) -> Ids:
         chains.append(chain)
     deepest = max(map(len, chains))
     body = np.array([chain + [FILLER] * (deepest - len(chain)) for chain in chains]).T
-    actuator = np.argsort(model.actuator_trnid[:, 0])  # joint 0 is free and every other has one
+    actuator = np.full(model.njnt, FILLER)
+    actuator[model.actuator_trnid[:, 0]] = np.arange(model.nu)
 
     def where(of_body: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         return np.where(body == FILLER, FILLER, of_body(np.maximum(body, 1)))
@@ -136,21 +134,20 @@ def _ids(model: Model) -> Ids:
         joint=joint,
         dof=where(lambda b: model.body_dofadr[b]),
         qpos=where(lambda b: model.jnt_qposadr[model.body_jntadr[b]]),
-        actuator=where(lambda b: actuator[np.maximum(model.body_jntadr[b] - 1, 0)]),
+        actuator=where(lambda b: actuator[model.body_jntadr[b]]),
     )
 
 
 def _link(model: Model, ids: Ids) -> Link:
     """One link of every leg; `ids` are i[L]."""
-    real = ids.body != FILLER
 
     def of(field: str, index: np.ndarray, fill: float | tuple = 0.0) -> np.ndarray:
         values = np.asarray(getattr(model, field), np.float64)[index]
-        return np.where(real.reshape(-1, *(1,) * (values.ndim - 1)), values, fill)
+        return np.where((index != FILLER).reshape(-1, *(1,) * (values.ndim - 1)), values, fill)
 
     def between(field: str, index: np.ndarray, limited: np.ndarray) -> tuple[Scalar, Scalar]:
-        pair = np.where((limited[index] != 0)[:, None], of(field, index), (-NO_LIMIT, NO_LIMIT))
-        pair = np.where(real[:, None], pair, (-NO_LIMIT, NO_LIMIT))
+        free = (limited[index] == 0) | (index == FILLER)
+        pair = np.where(free[:, None], (-NO_LIMIT, NO_LIMIT), of(field, index))
         return constant(pair[:, 0]), constant(pair[:, 1])
 
     unit = (1.0, 0.0, 0.0, 0.0)
@@ -167,41 +164,27 @@ def _link(model: Model, ids: Ids) -> Link:
     )
 
 
-def _spheres(model: Model, body: np.ndarray) -> tuple[Spheres, ...]:
-    """The spheres that may touch the floor: those of the base, and for every leg the i-th of its chain."""
-    floor = next(g for g in np.flatnonzero(model.geom_type == PLANE) if model.geom_bodyid[g] == 0)
-    on, to = model.geom_contype, model.geom_conaffinity
-    movers = [g for g in range(model.ngeom) if g != floor and (on[g] & to[floor] or on[floor] & to[g])]
-    of_body = {b: [g for g in movers if model.geom_bodyid[g] == b] for b in range(1, model.nbody)}
-    fixed = lambda link, geoms: Spheres(  # noqa: E731
-        link, np.array(geoms), model.geom_bodyid[list(geoms)], _vector(np.asarray(model.geom_pos)[list(geoms)])
-    )
-    found = [fixed(None, of_body[1])] if of_body[1] else []
-    last = [chain[chain != FILLER][-1] for chain in body.T]
+def _spheres(model: Model, body: np.ndarray, geoms: list[int]) -> tuple[Spheres, ...]:
+    """The spheres that may touch the floor: those of the base, and for every leg the i-th of its k-th link.
+
+    Those of a leg's last link count as the deepest's: the frame of a filler is that of the link it hangs on.
+    """
+    positions, bodies = np.asarray(model.geom_pos), model.geom_bodyid
+    of_body = {b: [g for g in geoms if bodies[g] == b] for b in range(1, model.nbody)}
+
+    def fixed(link: int | None, ids: np.ndarray) -> Spheres:
+        real = ids != FILLER
+        where = np.where(real[:, None], positions[ids], 0.0)
+        return Spheres(link, ids, np.where(real, bodies[ids], FILLER), _vector(where))
+
+    found = [fixed(None, np.array(of_body[1]))] if of_body[1] else []
+    last = [int(chain[chain != FILLER][-1]) for chain in body.T]
     for link in range(len(body)):
-        own = [of_body[b] if b != FILLER else [] for b in body[link]]
-        if link == len(body) - 1:  # a filler's frame is that of the link it hangs on
-            own = [of_body[b] for b in last]
-        elif any(map(len, own)):
-            own = [[] if b in last else spheres for b, spheres in zip(body[link], own, strict=True)]
-        if len({len(spheres) for spheres in own}) > 1:
-            raise refusal(f"link {link} of some legs has more spheres than that of others")
-        found += [fixed(link, geoms) for geoms in zip(*own, strict=True)]
+        deepest = link == len(body) - 1
+        own = [of_body[end if deepest else b] if deepest or b not in (end, FILLER) else []
+               for b, end in zip(body[link].tolist(), last, strict=True)]  # fmt: skip
+        found += [fixed(link, np.array(ids)) for ids in zip_longest(*own, fillvalue=FILLER)]
     return tuple(found)
-
-
-def _softness(model: Model, geom: int, timestep: float) -> Softness:
-    timeconst, ratio = (float(x) for x in np.asarray(model.geom_solref)[geom])
-    least, most, width, middle, _ = (float(x) for x in np.asarray(model.geom_solimp)[geom])
-    timeconst = max(timeconst, 2 * timestep)
-    return Softness(
-        stiffness=1 / (most * timeconst * ratio) ** 2,
-        damping=2 / (most * timeconst),
-        least=least,
-        most=most,
-        width=width,
-        middle=middle,
-    )
 
 
 def constant(values: np.ndarray) -> Scalar:

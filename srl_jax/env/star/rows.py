@@ -12,7 +12,8 @@ import jax.numpy as jnp
 from srl_jax.env.star.algebra import Scalar, Vector, cross, dot, gathered, minus, mul, plus, scale, sub, total
 from srl_jax.env.star.arrow import Motion
 from srl_jax.env.star.body import Body
-from srl_jax.env.star.constants import Softness, Star
+from srl_jax.env.star.constants import Star
+from srl_jax.env.star.contacts import Softness
 from srl_jax.env.star.kinematics import Attitude, Legs
 from srl_jax.env.star.seam import Seam
 
@@ -79,9 +80,9 @@ def _limits(star: Star, body: Body, joints: list) -> Limits:
     for k, link in enumerate(star.links):
         above, below = sub(joints[k], link.limits[0]), sub(link.limits[1], joints[k])
         room = jnp.minimum(above, below)
-        strength = impedance(star.softness, room)
+        strength = impedance(star.limit_softness, room)
         weights.append(jnp.where(room < 0, row_weight(body.limit_weight[k], strength), 0.0))
-        pushes.append(star.softness.stiffness * strength * room)
+        pushes.append(star.limit_softness.stiffness * strength * room)
         signs.append(jnp.where(above < below, 1.0, -1.0))
     return Limits(weights, pushes, signs)
 
@@ -119,7 +120,7 @@ def reference(star: Star, rows: Rows, velocity: Motion, seam: Seam) -> Values:
     contacts = [
         [b * n + contact.push, b * t1, b * t2] for (n, t1, t2), contact in zip(now.contacts, rows.contacts, strict=True)
     ]
-    limits = [b * v + push for v, push in zip(now.limits, rows.limits.push, strict=True)]
+    limits = [star.limit_softness.damping * v + push for v, push in zip(now.limits, rows.limits.push, strict=True)]
     return seam(Values(contacts, limits))
 
 
