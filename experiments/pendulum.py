@@ -60,12 +60,14 @@ def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
         (after, reward), chosen = step(state, action), 1.0 * acting.guidance.choice
         lot = 1.0 * jax.random.randint(keys[5], (), 0, 2**24)
         new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), chosen, lot)
-        memory = replay.add(memory, jax.tree.map(lambda x: x[None], new), t)
-        batch = replay.sample(memory, t + 1, config.batch, keys[2], 3)
+        cut = (t + 1) % EPISODE == 0
+        memory = replay.add(memory, jax.tree.map(lambda x: x[None], new), cut[None], t, episode_steps=EPISODE)
+        latest = observe(after)[None]
+        batch = replay.draw(memory, latest, t + 1, config.batch, keys[2], episode_steps=EPISODE)
         return (agent.update(learner, batch, keys[3], step=t, **settings)[0], memory, acting, after), None
 
     idle = ActState(jnp.zeros(1), controller.init())
-    carry = agent.init(init_key, 3, 1), replay.init(steps, 3, 1), idle, jnp.zeros(2)
+    carry = agent.init(init_key, 3, 1), replay.init(steps, 1, EPISODE, 3, 1), idle, jnp.zeros(2)
     learner = jax.lax.scan(advance, carry, jnp.arange(steps))[0][0]
     earn = partial(episode_return, partial(agent.student, learner.actor))
     return jax.vmap(earn)(jax.random.split(test_key, TESTS)).mean()

@@ -124,7 +124,7 @@ def update_flops(arguments: Arguments) -> float:
     from srl_jax.env.hexapod import ACTION_SIZE, observation_size
     from srl_jax.job import plan
     from srl_jax.job.teachers import scripted_gait
-    from srl_jax.program.replay import unpack, width
+    from srl_jax.types import Transition
 
     config, counts = preset(arguments.preset), []
     size, gait = observation_size(config.task, config.env), scripted_gait()
@@ -133,7 +133,8 @@ def update_flops(arguments: Arguments) -> float:
         agent, hyper = registry.agent(config.agent(algo)), from_config(config.agent(algo))
         assert agent.update is not None
         state = agent.init(jax.random.key(0), size, ACTION_SIZE)
-        batch = unpack(jnp.zeros((agent.batch_size, width(size, ACTION_SIZE))), size)
+        zeros = lambda *shape: jnp.zeros((agent.batch_size, *shape))  # noqa: B023, E731
+        batch = Transition(zeros(size), zeros(ACTION_SIZE), zeros(), zeros(), zeros(size), zeros(), zeros())
         learn = partial(agent.update, hyper=hyper, step=jnp.float32(1e6), teachers=(Partial(gait.apply, params),))
         cost: Any = jax.jit(learn).lower(state, batch, jax.random.key(0)).compile().cost_analysis()
         counts.append(float(cost["flops"]))

@@ -20,7 +20,7 @@ ROOMS = (  # highest first; rooms of one line do not know each other
     ("ite",),
     ("agents",),
     ("bayes", "env"),
-    ("types", "statistics", "distributions", "blocks", "machine"),
+    ("types", "statistics", "distributions", "blocks", "machine", "seam"),
 )
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
     *("__init__", "__main__", "run", "repertoire", "config", "machine", "ite.settings"),

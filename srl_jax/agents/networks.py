@@ -6,6 +6,8 @@ import flax.linen as nn
 import jax
 import jax.numpy as jnp
 
+from srl_jax.agents.normed import NormRelu
+
 _small = nn.initializers.variance_scaling(1e-2, "fan_in", "uniform")
 _hidden = nn.initializers.variance_scaling(1.0 / 3.0, "fan_in", "uniform")
 UNIT_HEAD = nn.initializers.variance_scaling(2.0, "fan_in", "uniform")  # outputs of order 1 from LayerNorm and ReLU
@@ -21,9 +23,7 @@ class Torso(nn.Module):
     def __call__(self, x: jax.Array, masks: tuple | None = None) -> jax.Array:
         for layer, width in enumerate(self.hidden):
             x = nn.Dense(width, kernel_init=_hidden)(x)
-            if self.layer_norm:
-                x = nn.LayerNorm()(x)
-            x = nn.relu(x)
+            x = NormRelu(name=f"LayerNorm_{layer}")(x) if self.layer_norm else nn.relu(x)
             if masks is not None:
                 x = x * masks[layer]
         return x

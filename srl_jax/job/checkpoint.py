@@ -115,12 +115,12 @@ def restore(
         algo: _arranged(program, tree, stored["lanes"][algo], program.layout.of(algo))
         for algo, tree in found["by_algo"].items()
     }
-    fill = jax.jit(lambda rows, new: rows.at[:, :filled].set(new), donate_argnums=0)
+    fill = jax.jit(lambda rows, new: rows.at[:, : new.shape[1]].set(new), donate_argnums=0)
     clock, updates = on_all(program, (found["shared"]["clock"], found["shared"]["updates"]))
     restored = TrainState(
         clock=clock,
         agents={algo: tree["agent"] for algo, tree in own.items()},
-        replay={a: Replay(fill(x.rows, own[a]["replay"].rows)) for a, x in state.replay.items()},
+        replay={a: jax.tree.map(fill, x, own[a]["replay"]) for a, x in state.replay.items()},
         world=by_row["world"],
         alive=by_row["alive"],
     )
@@ -188,8 +188,9 @@ def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> d
     """What is stored, by the kind of rows that its leaves have."""
     parts: dict[str, dict[str, Any]] = {algo: {"agent": agent} for algo, agent in state.agents.items()}
     for algo, replay in state.replay.items():
-        full = filled == replay.rows.shape[1]
-        parts[algo]["replay"] = Replay(replay.rows if full else replay.rows[:, :filled])  # a slice is a copy
+        full = filled == replay.moves.shape[1]
+        keep = (lambda x: x) if full else (lambda x: x[:, :filled])  # a slice is a copy
+        parts[algo]["replay"] = Replay(keep(replay.moves), keep(replay.facts), replay.ends)
     for name, found in (("prior", lanes.prior), ("losses", tally.losses)):
         for algo, value in found.items():
             parts[algo][name] = value
@@ -224,9 +225,11 @@ def _on_one_device(directory: Path, step: int) -> Any:
 
 
 def _filled(state: TrainState, step: int) -> int:
-    """Replay rows worth keeping; at least one, since an empty array cannot be stored."""
-    capacity = max((replay.rows.shape[1] for replay in state.replay.values()), default=1)
-    return min(max(step, 1), capacity)
+    """Vector steps of a replay worth keeping; at least one, since an empty array cannot be stored."""
+    for replay in state.replay.values():
+        steps, environments = replay.moves.shape[1:3]
+        return min(max(step // environments, 1), steps)
+    return 1
 
 
 def _read(keeper: ocp.CheckpointManager, step: int, **items: Any) -> Any:

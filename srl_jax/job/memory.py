@@ -11,12 +11,11 @@ from srl_jax.agents.settings import DDPGConfig
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.config import Config
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
+from srl_jax.program import replay as replays
 from srl_jax.program.lanes import Lane, lay_out
-from srl_jax.program.replay import width
 from srl_jax.program.state import tuned_tripod
 
 BASE = 2**30  # the process with its libraries and programs
-FLOAT = 4
 
 
 class Bytes(NamedTuple):
@@ -33,16 +32,21 @@ class Bytes(NamedTuple):
 
 
 def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
-    """The arithmetic for lanes that are trained at once: rows x capacity x (2 O + A + 4) floats, and the networks."""
-    size = observation_size(config.task, config.env)
-    row, replay, copied, agents = width(size, ACTION_SIZE) * FLOAT, 0, 0, 0
+    """The arithmetic for lanes that are trained at once: their replays and networks."""
+    replay, copied, agents = 0, 0, 0
     for algo, count in lay_out(lanes, devices).counts:
         rows = count * devices
         agents += rows * agent_bytes(config, algo)
         if registry.agent(config.agent(algo)).replays:
-            replay += rows * config.train.capacity * row
-            copied += rows * min(config.train.capacity, config.steps) * row
+            replay += rows * replay_bytes(config, config.train.capacity)
+            copied += rows * replay_bytes(config, min(config.train.capacity, config.steps))
     return Bytes(replay, agents, copied + agents, BASE)
+
+
+def replay_bytes(config: Config, capacity: int) -> int:
+    """Bytes of one lane's replay of so many transitions."""
+    size = observation_size(config.task, config.env)
+    return replays.size(capacity, config.train.environments, config.env.episode_steps, size, ACTION_SIZE)
 
 
 def agent_bytes(config: Config, algo: str) -> int:

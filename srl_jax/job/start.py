@@ -1,6 +1,7 @@
 """Step 0 of a run: the program, random agents, pi_B's healthy experience, and students that start from pi_B."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -19,6 +20,7 @@ from srl_jax.program.engine import Engine, lane_data, lane_mesh
 from srl_jax.program.lanes import Layout
 from srl_jax.program.randomness import lane_keys
 from srl_jax.program.state import COLLECT, LaneData, Program, TrainState, bind_teachers, on_all, on_rows, rows_sharding
+from srl_jax.types import Transition
 
 CLONE_NOISE = 0.25  # on pi_B's actions while its healthy experience is collected, so that a clone sees its own errors
 
@@ -64,10 +66,11 @@ def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
 def init_state(engine: Engine, lanes: LaneData) -> TrainState:
     """Everything at step 0: random agents, empty replays, robots at the start of an episode."""
     program = engine.program
-    size, capacity = replays.width(program.observation_size, ACTION_SIZE), program.settings.capacity
+    settings, size = program.settings, program.observation_size
+    room = partial(replays.init, settings.capacity, settings.environments, program.episode_steps, size, ACTION_SIZE)
     counts = {a: len(program.layout.rows_of[a]) for a, agent in program.agents.items() if agent.replays}
     empty = jax.jit(
-        lambda: {algo: replays.Replay(jnp.zeros((count, capacity, size))) for algo, count in counts.items()},
+        lambda: {algo: jax.vmap(lambda _: room())(jnp.arange(count)) for algo, count in counts.items()},
         out_shardings=rows_sharding(program),
     )
     return TrainState(
@@ -103,18 +106,26 @@ def from_behaviour(
     state, _ = engine.chunk(
         state, tallies.empty(program), healthy, COLLECT(noise=CLONE_NOISE), steps // program.environments
     )
-    experience = {a: replay.rows[:, :steps] for a, replay in state.replay.items() if a in {*started, *lanes.prior}}
+    experience = {algo: first_steps(program, algo, state, steps) for algo in {*started, *lanes.prior}}
     agents = dict(state.agents)
     for algo in started:
-        agents[algo] = start_actor(program, algo, agents[algo], experience[algo], healthy, pi_b)
+        agents[algo] = start_actor(program, algo, agents[algo], experience[algo].observation, healthy, pi_b)
     prior = {algo: on_rows(program, experience[algo]) for algo in lanes.prior}
     clock = on_all(program, jnp.zeros((), jnp.int32))
     return state._replace(clock=clock, agents=agents, world=engine.new_world(lanes)), lanes._replace(prior=prior)
 
 
-def start_actor(
-    program: Program, algo: str, agents: Any, experience: jax.Array, lanes: LaneData, pi_b: Behaviour
-) -> Any:
+def first_steps(program: Program, algo: str, state: TrainState, count: int) -> Transition:
+    """The first `count` transitions that an algorithm's lanes have stored, leaves [n, count, ...]."""
+    now, latest = state.clock // program.environments, state.world.observation[program.layout.rows_of[algo]]
+
+    def lane(memory: replays.Replay, latest: jax.Array) -> Transition:
+        return replays.take(memory, jnp.arange(count), latest, now, episode_steps=program.episode_steps)
+
+    return jax.jit(jax.vmap(lane))(state.replay[algo], latest)
+
+
+def start_actor(program: Program, algo: str, agents: Any, seen: jax.Array, lanes: LaneData, pi_b: Behaviour) -> Any:
     """Agents that have taken pi_B's actor as their own where it fits their network, its clone otherwise."""
     agent, index = program.agents[algo], program.layout.rows_of[algo]
     adopt, network = agent.adopt, agent.network
@@ -124,13 +135,13 @@ def start_actor(
         return adopt(agents, on_rows(program, jax.tree.map(jnp.copy, teachers[0])))
 
     def lane(args):
-        params, seen, key = args
+        params, observations, key = args
         teacher = bind_teachers(program, algo, params)[0]
         updates = program.settings.clone_updates
-        return behaviour.clone(teacher, seen, key, config=network, updates=updates, action_size=ACTION_SIZE)[0]
+        return behaviour.clone(teacher, observations, key, config=network, updates=updates, action_size=ACTION_SIZE)[0]
 
     keys = lane_keys(program.layout.of(algo), "clone")
     block = 0 if program.wide else program.settings.update_block
     imitate = jax.jit(lambda args: blocked_map(jax.vmap(lane), args, block))
-    actor = imitate((teachers, experience[..., : program.observation_size], keys))
+    actor = imitate((teachers, seen, keys))
     return adopt(agents, on_rows(program, actor))

@@ -15,14 +15,13 @@ from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE
-from srl_jax.program import replay as replays
 from srl_jax.program.act import init_world
 from srl_jax.program.lanes import Lane, Layout
 from srl_jax.program.randomness import lane_keys, per_robot
 from srl_jax.program.state import AXIS, LaneData, Mode, Program, TrainState, World, on_all, on_rows, rows_sharding
 from srl_jax.program.step import make_chunk
 from srl_jax.program.tally import Measured, Tally, by_metric
-from srl_jax.types import Params
+from srl_jax.types import Params, Transition
 
 EVERY = np.iinfo(np.int32).max  # no limit to the episodes that count
 
@@ -135,8 +134,14 @@ def reopened(program: Program, agents: dict[str, Any], clock: int) -> dict[str, 
     return agents | {algo: on_rows(program, state) for algo, state in new.items()}
 
 
-def empty_prior(program: Program) -> dict[str, jax.Array]:
+def empty_prior(program: Program) -> dict[str, Transition]:
     """Room for the healthy transitions of the algorithms that replay them."""
-    size, steps = replays.width(program.observation_size, ACTION_SIZE), program.settings.prior_steps
+    steps, size = program.settings.prior_steps, program.observation_size
     healthy = [algo for algo, agent in program.agents.items() if agent.replays_healthy]
-    return {algo: jnp.zeros((len(program.layout.rows_of[algo]), steps, size)) for algo in healthy}
+
+    def room(rows: int) -> Transition:
+        zeros = partial(jnp.zeros, (rows, steps))
+        wide = lambda width: jnp.zeros((rows, steps, width))  # noqa: E731
+        return Transition(wide(size), wide(ACTION_SIZE), zeros(), zeros(), wide(size), zeros(), zeros())
+
+    return {algo: room(len(program.layout.rows_of[algo])) for algo in healthy}

@@ -12,7 +12,7 @@ from srl_jax.program import replay as replays
 from srl_jax.program.randomness import Stream, at_step
 from srl_jax.program.state import LaneData, Program, TrainState, bind_teachers
 from srl_jax.program.tally import Tally
-from srl_jax.types import EndedEpisodes
+from srl_jax.types import EndedEpisodes, Transition
 
 
 def learn_rows(program: Program, lanes: LaneData, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
@@ -38,8 +38,7 @@ def learn_algo(
     step = state.clock.astype(jnp.float32)
 
     def lane(args):
-        agent, batch, key, hyper, teacher_params, alive = args
-        transitions = replays.unpack(batch, program.observation_size)
+        agent, transitions, key, hyper, teacher_params, alive = args
         teachers = bind_teachers(program, algo, teacher_params)
         new, metrics = update(agent, transitions, key, hyper=hyper, step=step, teachers=teachers)
         sums = [jnp.sum(leaf) for leaf in jax.tree.leaves((new.actor, new.critic, metrics))]
@@ -57,29 +56,41 @@ def learn_algo(
     return blocked_map(jax.vmap(lane), args, 0 if program.wide else program.settings.update_block)
 
 
-def draw_batches(program: Program, algo: str, state: TrainState, keys: jax.Array) -> jax.Array:
-    """Packed mini-batches f32[n, B, W] of one algorithm's rows."""
-    replay, size = state.replay[algo], program.agents[algo].batch_size
-    filled = jnp.minimum(state.clock, replay.rows.shape[1])
-    return jax.vmap(lambda memory, key: replays.draw(memory, filled, size, key))(replay, keys)
+def draw_batches(program: Program, algo: str, state: TrainState, keys: jax.Array) -> Transition:
+    """Mini-batches of one algorithm's rows, leaves [n, B, ...]."""
+    rows, size, now = (
+        program.layout.slices()[algo],
+        program.agents[algo].batch_size,
+        state.clock // program.environments,
+    )
+
+    def lane(memory: replays.Replay, latest: jax.Array, key: jax.Array) -> Transition:
+        return replays.draw(memory, latest, now, size, key, episode_steps=program.episode_steps)
+
+    return jax.vmap(lane)(state.replay[algo], state.world.observation[rows], keys)
 
 
-def mix_prior(batches: jax.Array, prior: jax.Array, keys: jax.Array, hyper: Hyper, step: jax.Array) -> jax.Array:
+def mix_prior(batches: Transition, prior: Transition, keys: jax.Array, hyper: Hyper, step: jax.Array) -> Transition:
     """Replaces a decaying fraction of each mini-batch by healthy transitions (SRL, Raza et al. 2021: "prior replays").
 
     Args:
-        batches: f32[n, B, W] packed transitions.
-        prior: f32[n, P, W] healthy ones.
+        batches: leaves [n, B, ...].
+        prior: healthy transitions, leaves [n, P, ...].
         keys: key[n].
         hyper: with `prior_fraction` and `prior_decay`, f32[n].
         step: f32[] environment steps taken so far.
     """
 
-    def lane(batch: jax.Array, healthy: jax.Array, key: jax.Array, hyper_: Hyper) -> jax.Array:
+    def lane(batch: Transition, healthy: Transition, key: jax.Array, hyper_: Hyper) -> Transition:
         index_key, pick_key = jax.random.split(key)
         fraction = hyper_.prior_fraction * jnp.maximum(1.0 - step / hyper_.prior_decay, 0.0)
-        rows = healthy[jax.random.randint(index_key, (len(batch),), 0, len(healthy))]
-        return jnp.where(jax.random.uniform(pick_key, (len(batch), 1)) < fraction, rows, batch)
+        index = jax.random.randint(index_key, batch.reward.shape, 0, len(healthy.reward))
+        picked = jax.random.uniform(pick_key, batch.reward.shape) < fraction
+
+        def mixed(own: jax.Array, other: jax.Array) -> jax.Array:
+            return jnp.where(picked.reshape(-1, *(1,) * (own.ndim - 1)), other[index], own)
+
+        return jax.tree.map(mixed, batch, healthy)
 
     return jax.vmap(lane)(batches, prior, keys, hyper)
 

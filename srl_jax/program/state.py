@@ -19,7 +19,7 @@ from srl_jax.env.hexapod import EnvState, Hexapod
 from srl_jax.program.lanes import Layout
 from srl_jax.program.replay import Replay
 from srl_jax.program.settings import TrainConfig
-from srl_jax.types import ActState, Params
+from srl_jax.types import ActState, Params, Transition
 
 AXIS = "lanes"
 
@@ -52,7 +52,7 @@ class LaneData(NamedTuple):
     damage: Damage  # leaves [R, ...]
     hyper: dict[str, Hyper]  # leaves [n]
     teachers: tuple[Params, ...]  # parameters of each teacher, leaves [R, ...]
-    prior: dict[str, jax.Array]  # f32[n, P, W] healthy transitions, for algorithms that replay them
+    prior: dict[str, Transition]  # leaves [n, P, ...]: healthy transitions, for algorithms that replay them
 
 
 class Episode(NamedTuple):
@@ -77,7 +77,7 @@ class TrainState(NamedTuple):
 
     clock: jax.Array  # i32[] environment steps taken by every lane
     agents: dict[str, Any]  # leaves [n, ...]
-    replay: dict[str, Replay]  # rows f32[n, C, W], of the algorithms that replay
+    replay: dict[str, Replay]  # leaves [n, ...], of the algorithms that replay
     world: World
     alive: jax.Array  # bool[R] False once a lane has met a number that is not finite; it is frozen then
 
@@ -97,6 +97,10 @@ class Program:
     @property
     def environments(self) -> int:
         return self.settings.environments
+
+    @property
+    def episode_steps(self) -> int:
+        return self.robot.config.episode_steps
 
     @property
     def observation_size(self) -> int:

@@ -109,9 +109,11 @@ def remember(
         chosen=act_state.guidance.choice.astype(jnp.float32),
         lot=lots.astype(jnp.float32),
     )
-    rows = program.layout.slices()
-    own = {algo: jax.tree.map(lambda x, algo=algo: x[rows[algo]], (transition, wanted)) for algo in state.replay}
-    return {algo: replays.add(state.replay[algo], new, state.clock, take) for algo, (new, take) in own.items()}
+    rows, now = program.layout.slices(), state.clock // program.environments
+    write = partial(replays.add, step=now, episode_steps=program.episode_steps)
+    new = (transition, step.truncated)
+    own = {algo: jax.tree.map(lambda x, algo=algo: x[rows[algo]], (*new, wanted)) for algo in state.replay}
+    return {algo: write(state.replay[algo], *new, wanted=wanted) for algo, (*new, wanted) in own.items()}
 
 
 def ended_episodes(

@@ -77,7 +77,7 @@ def test_clones_and_healthy_replay_in_the_program(engine, data, fresh):
     healthy = with_damage(engine.program, data, ["healthy"] * len(engine.program.layout.rows))
     state, filled = start.from_behaviour(engine, state, data, healthy, scripted_gait())
     assert int(state.clock) == 0
-    assert np.all(np.abs(np.asarray(filled.prior["srl"])).sum(-1) > 0.0)
+    assert np.all(np.abs(np.asarray(filled.prior["srl"].observation)).sum(-1) > 0.0)
     jax.tree.map(np.testing.assert_array_equal, jax.device_get(state.agents["ddpg"]), random["ddpg"])
     leaves = zip(jax.tree.leaves(state.agents["srl"].actor), jax.tree.leaves(random["srl"].actor), strict=True)
     assert any(not np.array_equal(a, b) for a, b in leaves)

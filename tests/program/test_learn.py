@@ -8,20 +8,28 @@ import pytest
 from srl_jax.agents.hyper import stack
 from srl_jax.agents.settings import SRLConfig
 from srl_jax.program.learn import mix_prior
+from srl_jax.types import Transition
 
 LANES, BATCH, WIDTH = 3, 400, 5
+
+
+def filled_with(values, count):
+    """Transitions of every lane whose every entry is the lane's value."""
+    shapes = ((WIDTH,), (2,), (), (), (WIDTH,), (), ())
+    return Transition(*(jnp.ones((LANES, count, *s)) * values.reshape(-1, 1, *(1,) * len(s)) for s in shapes))
 
 
 def mixed(fractions, decay, step):
     """The share of healthy rows in each lane's mini-batch: own rows are zeros, lane i's healthy ones are i + 1."""
     hyper = stack(SRLConfig(prior_decay=(decay,)), [{"prior_fraction": fraction} for fraction in fractions])
-    healthy = jnp.arange(1.0, LANES + 1)[:, None, None] * jnp.ones((LANES, 7, WIDTH))
     keys = jax.random.split(jax.random.key(0), LANES)
-    rows = mix_prior(jnp.zeros((LANES, BATCH, WIDTH)), healthy, keys, hyper, jnp.float32(step))
-    assert np.all(np.ptp(np.asarray(rows), axis=-1) == 0.0), "transitions are replaced whole"
-    for lane, found in enumerate(np.asarray(rows)):
+    own, healthy = filled_with(jnp.zeros(LANES), BATCH), filled_with(jnp.arange(1.0, LANES + 1), 7)
+    leaves = mix_prior(own, healthy, keys, hyper, jnp.float32(step))
+    rows = np.concatenate([np.asarray(leaf).reshape(LANES, BATCH, -1) for leaf in leaves], axis=-1)
+    assert np.all(np.ptp(rows, axis=-1) == 0.0), "transitions are replaced whole"
+    for lane, found in enumerate(rows):
         assert set(np.unique(found)) <= {0.0, lane + 1.0}, "a lane's healthy rows are its own"
-    return (np.asarray(rows)[..., 0] > 0.0).mean(axis=1)
+    return (rows[..., 0] > 0.0).mean(axis=1)
 
 
 @pytest.mark.parametrize(("step", "left"), [(0.0, 1.0), (500.0, 0.5), (1000.0, 0.0), (2000.0, 0.0)])

@@ -1,6 +1,6 @@
-"""The ring buffer against a deque, and its rows against the transitions they hold."""
+"""The ring buffer against a list of whole transitions, of which each observation is stored once."""
 
-from collections import deque
+from functools import partial
 
 import chex
 import jax
@@ -11,103 +11,118 @@ import pytest
 from srl_jax.program import replay
 from srl_jax.types import Transition
 
-STATE, ACTION, N = 3, 2, 200
-add = jax.jit(replay.add)
-sample = jax.jit(replay.sample, static_argnums=(2, 4))
+STATE, ACTION, E, T, N = 3, 2, 2, 5, 16  # sizes, robots, steps of an episode, vector steps of the buffer
+add = jax.jit(partial(replay.add, episode_steps=T))
+take = jax.jit(partial(replay.take, episode_steps=T))
+draw = jax.jit(partial(replay.draw, episode_steps=T), static_argnums=3)
 
 
-def transitions(*shape: int, seed: int = 0) -> Transition:
+def empty() -> replay.Replay:
+    return replay.init(N * E, E, T, STATE, ACTION)
+
+
+def path(steps: int, seed: int = 0) -> tuple[list[Transition], list[np.ndarray], np.ndarray]:
+    """So many vector steps of E robots whose episodes are cut after T steps or end at random: steps, cuts, and latest.
+
+    Numbers are halves of small integers, which the buffer keeps exactly.
+    """
     rng = np.random.default_rng(seed)
-    draw = lambda *size: rng.normal(size=(*shape, *size)).astype(np.float32)  # noqa: E731
-    return Transition(draw(STATE), draw(ACTION), draw(), draw(), draw(STATE), draw(), draw())
+    draw = lambda *shape: rng.integers(-64, 64, (E, *shape)).astype(np.float32) / 2  # noqa: E731
+    now, age, taken, cuts = draw(STATE), np.zeros(E, int), [], []
+    for _ in range(steps):
+        reached, age = draw(STATE), age + 1
+        over = rng.random(E) < 0.1
+        cut = (age == T) & ~over
+        lot = rng.integers(0, 2**24, E).astype(np.float32)
+        taken.append(Transition(*map(jnp.asarray, (now, draw(ACTION), draw(), 1.0 - over, reached, draw(), lot))))
+        cuts.append(cut)
+        age[over | cut] = 0
+        now = np.where((over | cut)[:, None], draw(STATE), reached)
+    return taken, cuts, now
 
 
-def numbered(first: int, count: int) -> Transition:
-    """Transitions whose every entry is the number of the write."""
-    number = jnp.arange(first, first + count, dtype=jnp.float32)
-    column = number[:, None]
-    return Transition(
-        jnp.tile(column, STATE), jnp.tile(column, ACTION), number, number, jnp.tile(column, STATE), number, lot=number
-    )
+def filled(steps: int, seed: int = 0) -> tuple[replay.Replay, list[Transition], np.ndarray]:
+    taken, cuts, latest = path(steps, seed)
+    buffer = empty()
+    for t, (new, cut) in enumerate(zip(taken, cuts, strict=True)):
+        buffer = add(buffer, new, cut, jnp.int32(t))
+    return buffer, taken, latest
 
 
-@pytest.mark.parametrize("shape", [(), (4,), (2, 5)])
-def test_unpack_inverts_pack(shape):
-    t = transitions(*shape)
-    rows = replay.pack(t)
-    assert rows.shape == (*shape, replay.width(STATE, ACTION))
-    chex.assert_trees_all_equal(replay.unpack(rows, STATE), t)
+@pytest.mark.parametrize("steps", [1, 4, 7, N - 1, N, N + 1, N + 5, 3 * N + 2])
+def test_every_transition_comes_back_whole(steps):
+    buffer, taken, latest = filled(steps, seed=steps)
+    kept = min(steps, N)
+    rows = np.arange(steps - kept, steps)
+    index = (rows % N)[:, None] * E + np.arange(E)
+    found = take(buffer, index.reshape(-1), latest, jnp.int32(steps))
+    wanted = jax.tree.map(lambda *x: np.stack(x).reshape(-1, *x[0].shape[1:]), *taken[-kept:])
+    counts = wanted.discount > 0  # where the episode ended by itself, the next observation does not count
+    assert counts.any() and all(np.isfinite(leaf).all() for leaf in found)
+    for name in Transition._fields:
+        mask = counts if name == "next_observation" else slice(None)
+        np.testing.assert_array_equal(getattr(found, name)[mask], getattr(wanted, name)[mask], err_msg=name)
 
 
-def test_a_lot_comes_out_of_a_buffer_as_it_went_in():
-    lots = np.array([0, 1, 2**24 - 1, 12_345_677], np.float32)
-    buffer = add(replay.init(4, STATE, ACTION), transitions(4)._replace(lot=lots), jnp.int32(0))
-    stored = replay.unpack(buffer.rows, STATE).lot
-    np.testing.assert_array_equal(stored.astype(jnp.uint32), [0, 1, 2**24 - 1, 12_345_677])
+def test_the_path_has_cuts_and_ends():
+    taken, cuts, _ = path(3 * N)
+    assert np.sum(cuts) > 3 and sum((new.discount == 0).sum() for new in taken) > 3
 
 
-def test_empty_buffer_has_the_packed_width():
-    assert replay.init(7, STATE, ACTION).rows.shape == replay.pack(transitions(7)).shape
+def test_draws_come_from_the_filled_part_only_and_reach_all_of_it():
+    buffer, taken, latest = filled(4)
+    found = draw(buffer, latest, jnp.int32(4), 400, jax.random.key(0))
+    lots, counts = np.unique(np.asarray(found.lot), return_counts=True)
+    assert set(lots) == {lot for new in taken for lot in new.lot}
+    assert np.all(abs(counts - 50) < 28)  # 4 standard deviations of a binomial
 
 
-@pytest.mark.parametrize(("capacity", "block"), [(6, 1), (6, 2), (6, 3), (8, 8)])
-def test_ring_keeps_what_a_deque_keeps(capacity, block):
-    buffer, reference = replay.init(capacity, STATE, ACTION), deque(maxlen=capacity)
-    for at in range(0, 3 * capacity, block):
-        new = transitions(block, seed=at)
-        buffer = add(buffer, new, jnp.int32(at))
-        reference.extend(np.asarray(replay.pack(new)))
-        # The oldest row lies where the next write will go.
-        filled = min(at + block, capacity)
-        oldest = (at + block) % capacity if filled == capacity else 0
-        in_order = np.roll(buffer.rows, -oldest, axis=0)[:filled]
-        np.testing.assert_array_equal(in_order, np.stack(reference))
-        assert not np.any(buffer.rows[filled:])
+def test_after_the_wrap_only_the_newest_are_drawn():
+    buffer, taken, latest = filled(N + 7)
+    found = draw(buffer, latest, jnp.int32(N + 7), 2_000, jax.random.key(2))
+    assert set(np.asarray(found.lot)) == {lot for new in taken[-N:] for lot in new.lot}
 
 
-def test_samples_come_from_filled_rows_only_and_reach_all_of_them():
-    buffer = add(replay.init(8, STATE, ACTION), numbered(1, 4), jnp.int32(0))
-    batch = sample(buffer, jnp.int32(4), N, jax.random.key(0), STATE)
-    assert set(np.asarray(batch.reward)) == {1.0, 2.0, 3.0, 4.0}
-    counts = np.bincount(np.asarray(batch.reward, int))[1:]
-    assert np.all(abs(counts - 50) < 25)  # 4 standard deviations of a binomial
+def test_an_empty_buffer_draws_its_first_row():
+    found = draw(empty(), jnp.zeros((E, STATE)), jnp.int32(0), 8, jax.random.key(0))
+    chex.assert_trees_all_equal(found, jax.tree.map(jnp.zeros_like, found))
 
 
-def test_sampled_rows_are_whole_transitions():
-    buffer = add(replay.init(8, STATE, ACTION), numbered(0, 8), jnp.int32(0))
-    batch = sample(buffer, jnp.int32(8), N, jax.random.key(1), STATE)
-    for field in batch:
-        np.testing.assert_array_equal(field.reshape(N, -1)[:, 0], batch.reward)
+def test_numbers_are_kept_to_three_digits_and_never_become_infinite():
+    new = Transition(*(jnp.zeros((E, *shape)) for shape in ((STATE,), (ACTION,), (), (), (STATE,), (), ())))
+    new = new._replace(observation=jnp.array([[0.1234567, 1e-3, -3.3], [1e9, -jnp.inf, 0.0]]), reward=jnp.full(E, 1e9))
+    buffer = add(empty(), new, jnp.zeros(E, bool), jnp.int32(0))
+    found = take(buffer, jnp.arange(E), jnp.zeros((E, STATE)), jnp.int32(1))
+    np.testing.assert_allclose(found.observation[0], new.observation[0], rtol=5e-4)
+    assert jnp.isfinite(found.observation).all() and (found.observation[1, :2] == jnp.array([65504.0, -65504.0])).all()
+    assert (found.reward == 1e9).all(), "what is not seen by a network keeps all its digits"
 
 
-def test_after_the_wrap_only_the_newest_are_sampled():
-    buffer = replay.init(8, STATE, ACTION)
-    for at in range(0, 20, 4):
-        buffer = add(buffer, numbered(at, 4), jnp.int32(at))
-    batch = sample(buffer, jnp.int32(8), N, jax.random.key(2), STATE)
-    assert set(np.asarray(batch.reward)) == set(np.arange(12.0, 20.0))
-
-
-def test_an_empty_buffer_samples_its_zero_row():
-    batch = sample(replay.init(8, STATE, ACTION), jnp.int32(0), N, jax.random.key(0), STATE)
-    chex.assert_trees_all_equal(batch, jax.tree.map(jnp.zeros_like, batch))
-
-
-@pytest.mark.parametrize("write", [replay.add, jax.vmap(replay.add, (0, 0, None))], ids=["axes", "vmap"])
-def test_lanes_keep_their_own_rows(write):
-    buffers = jax.vmap(lambda _: replay.init(4, STATE, ACTION))(jnp.arange(3))
-    new = transitions(3, 2)
-    wide = jax.jit(write)(buffers, new, jnp.int32(2))
+@pytest.mark.parametrize("mapped", [False, True], ids=["axes", "vmap"])
+def test_lanes_keep_their_own_rows(mapped):
+    paths = [path(1, seed) for seed in range(3)]
+    new = jax.tree.map(lambda *x: jnp.stack(x), *(taken[0] for taken, *_ in paths))
+    buffers = jax.vmap(lambda _: empty())(jnp.arange(3))
+    cut = jnp.array([[True, False], [False, False], [False, True]])
+    write = partial(replay.add, step=jnp.int32(2), episode_steps=T)
+    wide = jax.jit(jax.vmap(write) if mapped else write)(buffers, new, cut)
     for lane in range(3):
-        alone = add(replay.init(4, STATE, ACTION), jax.tree.map(lambda x, i=lane: x[i], new), jnp.int32(2))
-        np.testing.assert_array_equal(wide.rows[lane], alone.rows)
+        alone = add(empty(), jax.tree.map(lambda x, i=lane: x[i], new), cut[lane], jnp.int32(2))
+        chex.assert_trees_all_equal(jax.tree.map(lambda x, i=lane: x[i], wide), alone)
 
 
 def test_an_unwanted_write_changes_nothing():
-    buffer = add(replay.init(4, STATE, ACTION), transitions(4), jnp.int32(0))
-    same = add(buffer, transitions(2, seed=1), jnp.int32(4), jnp.array(False))
-    np.testing.assert_array_equal(same.rows, buffer.rows)
-    two, new = jax.tree.map(lambda x: jnp.stack([x, x]), (buffer, transitions(2, seed=1)))
-    some = add(two, new, jnp.int32(4), jnp.array([False, True]))
-    np.testing.assert_array_equal(some.rows[0], buffer.rows)
-    assert np.any(some.rows[1] != buffer.rows)
+    buffer, *_ = filled(N)
+    (new, *_), _, _ = path(1, seed=9)
+    cut = jnp.ones(E, bool)
+    chex.assert_trees_all_equal(add(buffer, new, cut, jnp.int32(N), wanted=jnp.array(False)), buffer)
+    two = jax.tree.map(lambda x: jnp.stack([x, x]), (buffer, new, cut))
+    some = add(*two, jnp.int32(N), wanted=jnp.array([False, True]))
+    chex.assert_trees_all_equal(jax.tree.map(lambda x: x[0], some), buffer)
+    assert all(np.any(x[1] != y) for x, y in zip(some, buffer, strict=True))
+
+
+def test_its_size_is_that_of_its_arrays():
+    assert replay.size(N * E, E, T, STATE, ACTION) == sum(leaf.nbytes for leaf in empty())
+    per_transition = replay.size(50_000, 10, 100, 51, 18) / 50_000
+    assert per_transition < 160, "two bytes a number of observation and action, and five numbers beside them"

@@ -9,7 +9,6 @@ import numpy as np
 from srl_jax.env import hexapod
 from srl_jax.job import start
 from srl_jax.program import engine as engines
-from srl_jax.program import replay
 from srl_jax.program import tally as tallies
 from srl_jax.program.lanes import lay_out
 from srl_jax.program.randomness import per_robot
@@ -27,12 +26,10 @@ def test_layout_has_every_algorithm_on_every_device(engine):
 
 def test_transitions_are_stored_in_order_and_chain(engine, data, tiny, trained):
     state, _ = trained(data, 12)
-    size = hexapod.observation_size(tiny.task, tiny.env)
     assert set(state.replay) == {"ddpg", "srl"}, "a search from episodes replays nothing"
-    stored = np.asarray(state.replay["srl"].rows)
-    rows = replay.unpack(stored, size)
     assert int(state.clock) == 12 * E
-    assert np.all(stored[:, 12 * E :] == 0.0)
+    assert np.all(np.asarray(state.replay["srl"].moves)[:, 12:] == 0.0)
+    rows = start.first_steps(engine.program, "srl", state, 12 * E)
     assert np.all(np.abs(rows.action) <= 1.0)
     # Robot 0 of a lane fills every E-th row; within an episode of 10 steps each step starts where the last ended.
     first = jax.tree.map(lambda x: x[:, : 10 * E : E], rows)
@@ -44,19 +41,18 @@ def test_transitions_are_stored_in_order_and_chain(engine, data, tiny, trained):
 
 def test_every_transition_has_a_lot_of_its_own(engine, data, tiny, trained):
     state, _ = trained(data, 12)
-    size = hexapod.observation_size(tiny.task, tiny.env)
-    lots = replay.unpack(np.asarray(state.replay["ddpg"].rows)[:, : 12 * E], size).lot
+    lots = np.asarray(start.first_steps(engine.program, "ddpg", state, 12 * E).lot)
     assert np.all(lots == np.floor(lots)) and lots.min() >= 0 and lots.max() < 2**24
     assert len(np.unique(lots)) == lots.size
 
 
 def test_ring_wraps(engine, data, tiny, trained):
     few, _ = trained(data, 4)
-    before = np.asarray(few.replay["ddpg"].rows)[:, :E].copy()
+    before = np.asarray(few.replay["ddpg"].moves)[:, 0].copy()
     state, _ = trained(data, tiny.train.capacity // E + 1)
-    after = np.asarray(state.replay["ddpg"].rows)
+    after = np.asarray(state.replay["ddpg"].moves)
     assert int(state.clock) == tiny.train.capacity + E
-    assert not np.array_equal(after[:, :E], before)
+    assert not np.array_equal(after[:, 0], before)
     assert np.all(np.abs(after).sum(-1) > 0.0)
 
 
@@ -64,7 +60,7 @@ def test_agents_learn_only_when_asked(engine, data, trained, fresh):
     unmoved = jax.device_get(fresh().agents)
     idle, _ = trained(data, 20, mode=STUDENT())
     assert_same(jax.device_get(idle.agents), unmoved)
-    assert np.all(np.asarray(idle.replay["srl"].rows) == 0.0)
+    assert np.all(np.asarray(idle.replay["srl"].moves) == 0.0)
     busy, tally = trained(data, 20)
     assert float(tally.updates) == 7  # at every other step, from the 8th on, which fills the warm-up of 16
     for algo in ("ddpg", "srl"):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from srl_jax.env.star.algebra import Scalar, add, gathered, is_number, mul, sub, total
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 
 class Motion(NamedTuple):

@@ -24,7 +24,7 @@ from srl_jax.env.star.arrow import Arrow, Motion
 from srl_jax.env.star.body import Body
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.kinematics import Attitude, Legs
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 
 def mass_matrix(star: Star, body: Body, legs: Legs, seam: Seam) -> Arrow:

@@ -21,7 +21,7 @@ from srl_jax.env.star.algebra import (
 )
 from srl_jax.env.star.body import Body
 from srl_jax.env.star.constants import Star
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 
 class Legs(NamedTuple):

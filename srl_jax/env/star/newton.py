@@ -15,8 +15,8 @@ from srl_jax.env.star.algebra import ENTRIES, PLACE, Scalar, Symmetric, Vector, 
 from srl_jax.env.star.arrow import Arrow, Motion
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.rows import Contact, Rows, Values
-from srl_jax.env.star.seam import Seam
 from srl_jax.env.star.search import line_search
+from srl_jax.seam import Seam
 
 
 class Problem(NamedTuple):

@@ -15,7 +15,7 @@ from srl_jax.env.star.body import Body
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.contacts import Softness
 from srl_jax.env.star.kinematics import Attitude, Legs
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 TINY = 1e-15  # MuJoCo's mjMINVAL
 

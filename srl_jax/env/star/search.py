@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from srl_jax.env.star.algebra import Scalar, gathered, total
 from srl_jax.env.star.rows import TINY, Rows, Values, edges
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 
 class Point(NamedTuple):

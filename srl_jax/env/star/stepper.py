@@ -12,7 +12,7 @@ from srl_jax.env.star.arrow import Motion
 from srl_jax.env.star.body import Body, by_id, by_link
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.kinematics import Attitude
-from srl_jax.env.star.seam import Seam
+from srl_jax.seam import Seam
 
 
 class State(NamedTuple):

@@ -1,10 +1,10 @@
-"""Where one stage of the step ends and the next begins: values that must be computed once, not in every consumer.
+"""Where one stage of a computation ends and the next begins: values to be computed once, not in every consumer.
 
-XLA fuses what it can, and recomputes a shared value in each kernel that reads it; with hundreds of shared values a step
-took a hundred times as long and minutes to compile. `jax.lax.optimization_barrier` is removed before fusion.
+XLA fuses what it can, and recomputes a shared value in each kernel that reads it: with hundreds of shared values a
+physics step took a hundred times as long. `jax.lax.optimization_barrier` does not help, it is removed before fusion.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -47,3 +47,27 @@ def _turned(group: list[jax.Array]) -> list[jax.Array]:
     if len(group) > 1:
         return [*group[1:], group[0]]
     return [~group[0] if group[0].dtype == bool else group[0] + 1]
+
+
+def seam(tree: Tree) -> Tree:
+    """A `Seam` whose `never` is taken from the first array itself: no number is above infinity.
+
+    Under `vmap` the loop stays one loop of all rows, since one row's number serves.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    first = leaves[0].reshape(-1)[0]
+    return jax.tree.unflatten(structure, _barrier((first > jnp.inf).astype(jnp.int32), leaves))
+
+
+@jax.custom_batching.custom_vmap
+def _barrier(never: jax.Array, leaves: list[jax.Array]) -> list[jax.Array]:
+    return Seam(never)(leaves)
+
+
+@_barrier.def_vmap
+def _(size: int, batched: Any, never: jax.Array, leaves: list[jax.Array]):
+    never = never[0] if batched[0] else never
+    leaves = [
+        x if own else jnp.broadcast_to(x[None], (size, *x.shape)) for x, own in zip(leaves, batched[1], strict=True)
+    ]
+    return _barrier(never, leaves), [True] * len(leaves)
