@@ -46,6 +46,8 @@ def total(terms: Iterable[Scalar]) -> Scalar:
 
 def gathered(x: Scalar, axis: int = 0) -> Scalar:
     """The sum over the legs' or points' axis, as a tree of slices: they fuse, where a reduction would not."""
+    if is_number(x) and x == 0:  # by the shape of every leg
+        return x
     parts = [jax.lax.index_in_dim(x, i, axis, keepdims=False) for i in range(x.shape[axis])]
     while len(parts) > 1:
         parts = [total(parts[i : i + 2]) for i in range(0, len(parts), 2)]

@@ -128,11 +128,10 @@ def _geoms(model: Model) -> Iterator[str]:
     upright = np.allclose(_values(model, "geom_quat")[floor, 1:3], 0.0, atol=1e-9)
     if model.geom_type[floor] != PLANE or _values(model, "geom_pos")[floor, 2] or not upright:
         yield f"{name(model, 'geom', floor)} is not the plane z = 0"
-    numbers = [name(model, "numeric", i) for i in range(model.nnumeric)]
-    if (limit := "numeric max_contact_points") in numbers:
-        most = _values(model, "numeric_data")[numbers.index(limit)]
-        if -1 < most < len(spheres):
-            yield f"{limit} leaves out contacts of {len(spheres)} that there are"
+    for index in range(model.nnumeric):
+        called, most = name(model, "numeric", index), _values(model, "numeric_data")[index]
+        if called == "numeric 'max_contact_points'" and -1 < most < len(spheres):
+            yield f"{called} is less than its {len(spheres)} spheres"
 
 
 def _softness(model: Model) -> Iterator[str]:
