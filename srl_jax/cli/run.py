@@ -18,6 +18,7 @@ from srl_jax.job.files import differences, read_config
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Config) if field.name != "more")
 OF_THE_MACHINE = ("devices",)  # what a run may go on with on another machine
+SHORT = {"--physics": "--env.physics"}  # options that may be given without their section
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def parse(argv: list[str]) -> tuple[Arguments, Config]:
     Raises:
         ValueError: a resumed run is given settings that differ from its own.
     """
+    argv = _spelled_out(argv)
     resume, name = _option(argv, "--resume"), _option(argv, "--preset")
     base = read_config(Path(resume))[0] if resume else preset(name or "default")
     values: dict[str, Any] = {name: getattr(base, name) for name in FIELDS}
@@ -102,6 +104,12 @@ def _sections() -> type[Arguments]:
     extra = [(name, type(registry.settings(name)), registry.settings(name)) for name in _registered()]
     about = {"__doc__": Arguments.__doc__}
     return dataclasses.make_dataclass("Arguments", extra, bases=(Arguments,), namespace=about, frozen=True)
+
+
+def _spelled_out(argv: list[str]) -> list[str]:
+    """The command line with every option in its section."""
+    parts = [word.partition("=") for word in argv]
+    return [SHORT.get(name, name) + equals + value for name, equals, value in parts]
 
 
 def _option(argv: list[str], name: str) -> str:

@@ -8,52 +8,77 @@ import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
 from srl_jax.env.damage import Damage
-from srl_jax.env.model import load_model, mjx, put_model, stance
+from srl_jax.env.model import load_model, mjx, put_model
 from srl_jax.env.model import step as mjx_step
 from srl_jax.env.star import batching
 from srl_jax.env.star.constants import Star, read
+from srl_jax.env.star.refusals import NotAStarError
 from srl_jax.env.star.stepper import State
 
 TRIAL = 4_096  # robots by which the steppers are compared
+CHOICES = ("auto", "star", "mjx")
 
 
 @cache
 def shipped_star() -> Star:
-    """The shipped robot as the star stepper knows it; one object, so that programs compiled for it are found again."""
+    """The shipped robot as the star stepper knows it; one object, so that programs compiled for it are found again.
+
+    Raises:
+        NotAStarError: its description was changed to what the stepper cannot represent; the message names the part.
+    """
     return read(put_model(load_model()))
 
 
-def choose(physics: str) -> Star | None:
+def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
     """The stepper that a setting stands for: the star stepper's constants, or None for MJX.
 
-    ``auto`` is ``star`` on a CPU; on an accelerator both are compiled and the faster one is taken.
+    ``auto`` is MJX where the model is no star; else ``star`` on a CPU, and on an accelerator the faster of both, which
+    are compiled and timed.
+
+    Args:
+        physics: auto, star or mjx.
+        model: of another robot than the shipped one. Programs are compiled for the object that is returned: keep it.
+
+    Raises:
+        ValueError: another word.
+        NotAStarError: ``star``, and the model is none; the message names the part.
     """
+    if physics not in CHOICES:
+        raise ValueError(f"physics is {physics!r}: choose one of {', '.join(CHOICES)}.")
     if physics == "mjx":
         return None
+    try:
+        star = shipped_star() if model is None else read(model)
+    except NotAStarError:
+        if physics == "star":
+            raise
+        return None
     if physics == "star" or jax.default_backend() == "cpu":
-        return shipped_star()
-    return _faster()
+        return star
+    return _faster_for_shipped() if model is None else faster(star, model)
 
 
 @cache
-def _faster() -> Star | None:
-    seconds = {stepper: time_step(stepper) for stepper in (shipped_star(), None)}
-    return min(seconds, key=lambda stepper: seconds[stepper])
+def _faster_for_shipped() -> Star | None:
+    return faster(shipped_star(), put_model(load_model()))
 
 
-def time_step(star: Star | None, robots: int = TRIAL, repeats: int = 5) -> float:
-    """Seconds that ten steps of so many standing robots take, without compiling: the least of some repeats."""
-    c_model = load_model()
-    model, data, pose = put_model(c_model), mjx.make_data(c_model), stance(c_model)
-    healthy = jax.tree.map(jnp.asarray, damages.build("healthy"))
-    start = State(jnp.tile(pose, (robots, 1)), jnp.zeros((robots, c_model.nv)), jnp.zeros((robots, c_model.nv)))
-    targets = jnp.asarray(pose[7:], jnp.float32)
-    run = jax.jit(jax.vmap(lambda state: simulate(star, model, data, healthy, state, targets, 10)))
-    run(start)[0].block_until_ready()
+def faster(star: Star, model: mjx.Model) -> Star | None:
+    """The stepper that takes less time for a model on this device: its star, or None for MJX."""
+    return star if time_step(star, model) < time_step(None, model) else None
+
+
+def time_step(star: Star | None, model: mjx.Model, robots: int = TRIAL, repeats: int = 5) -> float:
+    """Seconds that ten steps of so many robots take, without compiling: the least of some repeats."""
+    own = Damage(*(jnp.asarray(getattr(model, field)) for field in Damage._fields))
+    at_rest = State(*(jnp.tile(x, (robots, 1)) for x in (model.qpos0, jnp.zeros(model.nv), jnp.zeros(model.nv))))
+    data, targets = mjx.make_data(model), jnp.zeros(model.nu)
+    run = jax.jit(jax.vmap(lambda state: simulate(star, model, data, own, state, targets, 10)))
+    run(at_rest)[0].block_until_ready()
 
     def once() -> float:
         began = time.perf_counter()
-        run(start)[0].block_until_ready()
+        run(at_rest)[0].block_until_ready()
         return time.perf_counter() - began
 
     return min(once() for _ in range(repeats))
@@ -68,7 +93,7 @@ def simulate(
         star: from `choose`; None: MJX.
         model: of the healthy robot (MJX).
         data: a template (MJX).
-        damage: unbatched values.
+        damage: unbatched values, in the shapes of the model's own leaves.
         state: before the steps.
         control: the targets.
         count: steps.

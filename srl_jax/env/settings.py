@@ -13,8 +13,8 @@ class EnvConfig:
     episode_steps: int = 100
     """Control steps until an episode is truncated."""
     physics: Literal["auto", "star", "mjx"] = "auto"
-    """What steps the robots: MJX, or a stepper for robots of this shape that does the same ten times as fast on a CPU.
-    auto: star on a CPU, on an accelerator the faster of both, which is measured."""
+    """What steps the robots (--physics will do): mjx, or star, which does the same for robots of this shape, ten times
+    as fast on a CPU. auto: star on a CPU, on an accelerator the faster of both, which is measured."""
     reward: Literal["dense", "sparse"] = "dense"
     """dense: progress, effort, goal and fall terms; sparse: 1 on reaching the goal, else 0."""
     observation: Literal["full", "onboard"] = "full"

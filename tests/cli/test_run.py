@@ -48,6 +48,21 @@ def test_options_stand_on_top_of_the_preset():
     assert (arguments.out, arguments.resume) == ("x", "")
 
 
+@pytest.mark.parametrize("options", [["--physics", "mjx"], ["--physics=mjx"], ["--env.physics", "mjx"]])
+def test_physics_needs_no_section(options):
+    base = preset("smoke")
+    expected = dataclasses.replace(base, env=dataclasses.replace(base.env, physics="mjx"))
+    assert run.parse(["--preset", "smoke", *options])[1] == expected
+
+
+def test_another_physics_is_refused_in_one_sentence(capsys):
+    with pytest.raises(SystemExit) as ended:
+        run.main(["--physics", "warp"])
+    assert ended.value.code == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert "invalid choice 'warp' for argument '--env.physics'. Expected one of ('auto', 'star', 'mjx')." in said
+
+
 def test_a_resumed_run_keeps_its_settings_but_not_its_devices(stored):
     assert run.parse(["--resume", stored])[1] == preset("smoke")
     assert run.parse(["--resume", stored, "--devices", "4"])[1] == dataclasses.replace(preset("smoke"), devices="4")
