@@ -14,6 +14,7 @@ from srl_jax.program import replay
 from srl_jax.types import ActState, Transition
 
 EPISODE, TESTS = 200, 20  # control steps, episodes of the final evaluation
+SIZES = replay.Sizes(3, 1, EPISODE)
 SHARED: Any = dict(critics=1, critic_updates=1, layer_norm=False, actor_lr=1e-3, gamma=0.98, tau=0.005, freeze=1e3)
 CONFIGS = {"ddpg": DDPGConfig(**SHARED), "srl": SRLConfig(init="random", dropout=(0.1,), **SHARED)}
 
@@ -61,13 +62,13 @@ def train(seed: jax.Array, *, config: DDPGConfig, steps: int) -> jax.Array:
         lot = 1.0 * jax.random.randint(keys[5], (), 0, 2**24)
         new = Transition(observe(state), action, reward, jnp.ones(()), observe(after), chosen, lot)
         cut = (t + 1) % EPISODE == 0
-        memory = replay.add(memory, jax.tree.map(lambda x: x[None], new), cut[None], t, episode_steps=EPISODE)
-        latest = observe(after)[None]
-        batch = replay.draw(memory, latest, t + 1, config.batch, keys[2], episode_steps=EPISODE)
+        new, cut, latest = jax.tree.map(lambda x: x[None], (new, cut, observe(after)))
+        memory = replay.add(memory, new, cut, latest, t, episode_steps=EPISODE)
+        batch = replay.draw(memory, t + 1, config.batch, keys[2], SIZES)
         return (agent.update(learner, batch, keys[3], step=t, **settings)[0], memory, acting, after), None
 
     idle = ActState(jnp.zeros(1), controller.init())
-    carry = agent.init(init_key, 3, 1), replay.init(steps, 1, EPISODE, 3, 1), idle, jnp.zeros(2)
+    carry = agent.init(init_key, 3, 1), replay.init(steps, 1, SIZES), idle, jnp.zeros(2)
     learner = jax.lax.scan(advance, carry, jnp.arange(steps))[0][0]
     earn = partial(episode_return, partial(agent.student, learner.actor))
     return jax.vmap(earn)(jax.random.split(test_key, TESTS)).mean()

@@ -16,7 +16,6 @@ import numpy as np
 import orbax.checkpoint as ocp
 
 from srl_jax.program.lanes import Lane, moved
-from srl_jax.program.replay import Replay
 from srl_jax.program.state import LaneData, Program, TrainState, on_all, on_rows
 from srl_jax.program.tally import Tally
 
@@ -188,9 +187,9 @@ def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> d
     """What is stored, by the kind of rows that its leaves have."""
     parts: dict[str, dict[str, Any]] = {algo: {"agent": agent} for algo, agent in state.agents.items()}
     for algo, replay in state.replay.items():
-        full = filled == replay.moves.shape[1]
-        keep = (lambda x: x) if full else (lambda x: x[:, :filled])  # a slice is a copy
-        parts[algo]["replay"] = Replay(keep(replay.moves), keep(replay.facts), replay.ends)
+        if filled < replay.facts.shape[1]:  # a slice is a copy
+            replay = replay._replace(moves=replay.moves[:, :filled], facts=replay.facts[:, :filled])
+        parts[algo]["replay"] = replay
     for name, found in (("prior", lanes.prior), ("losses", tally.losses)):
         for algo, value in found.items():
             parts[algo][name] = value
@@ -227,7 +226,7 @@ def _on_one_device(directory: Path, step: int) -> Any:
 def _filled(state: TrainState, step: int) -> int:
     """Vector steps of a replay worth keeping; at least one, since an empty array cannot be stored."""
     for replay in state.replay.values():
-        steps, environments = replay.moves.shape[1:3]
+        steps, environments = replay.facts.shape[1:3]
         return min(max(step // environments, 1), steps)
     return 1
 

@@ -13,6 +13,7 @@ from srl_jax.config import Config
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
 from srl_jax.program import replay as replays
 from srl_jax.program.lanes import Lane, lay_out
+from srl_jax.program.replay import Sizes
 from srl_jax.program.state import tuned_tripod
 
 BASE = 2**30  # the process with its libraries and programs
@@ -46,7 +47,7 @@ def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
 def replay_bytes(config: Config, capacity: int) -> int:
     """Bytes of one lane's replay of so many transitions."""
     size = observation_size(config.task, config.env)
-    return replays.size(capacity, config.train.environments, config.env.episode_steps, size, ACTION_SIZE)
+    return replays.size(capacity, config.train.environments, Sizes(size, ACTION_SIZE, config.env.episode_steps))
 
 
 def agent_bytes(config: Config, algo: str) -> int:

@@ -66,8 +66,8 @@ def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
 def init_state(engine: Engine, lanes: LaneData) -> TrainState:
     """Everything at step 0: random agents, empty replays, robots at the start of an episode."""
     program = engine.program
-    settings, size = program.settings, program.observation_size
-    room = partial(replays.init, settings.capacity, settings.environments, program.episode_steps, size, ACTION_SIZE)
+    sizes, settings = program.sizes, program.settings
+    room = partial(replays.init, settings.capacity, settings.environments, sizes)
     counts = {a: len(program.layout.rows_of[a]) for a, agent in program.agents.items() if agent.replays}
     empty = jax.jit(
         lambda: {algo: jax.vmap(lambda _: room())(jnp.arange(count)) for algo, count in counts.items()},
@@ -117,12 +117,8 @@ def from_behaviour(
 
 def first_steps(program: Program, algo: str, state: TrainState, count: int) -> Transition:
     """The first `count` transitions that an algorithm's lanes have stored, leaves [n, count, ...]."""
-    now, latest = state.clock // program.environments, state.world.observation[program.layout.rows_of[algo]]
-
-    def lane(memory: replays.Replay, latest: jax.Array) -> Transition:
-        return replays.take(memory, jnp.arange(count), latest, now, episode_steps=program.episode_steps)
-
-    return jax.jit(jax.vmap(lane))(state.replay[algo], latest)
+    now, places = state.clock // program.environments, jnp.arange(count)
+    return jax.jit(jax.vmap(lambda memory: replays.take(memory, places, now, program.sizes)))(state.replay[algo])
 
 
 def start_actor(program: Program, algo: str, agents: Any, seen: jax.Array, lanes: LaneData, pi_b: Behaviour) -> Any:

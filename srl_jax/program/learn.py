@@ -58,16 +58,8 @@ def learn_algo(
 
 def draw_batches(program: Program, algo: str, state: TrainState, keys: jax.Array) -> Transition:
     """Mini-batches of one algorithm's rows, leaves [n, B, ...]."""
-    rows, size, now = (
-        program.layout.slices()[algo],
-        program.agents[algo].batch_size,
-        state.clock // program.environments,
-    )
-
-    def lane(memory: replays.Replay, latest: jax.Array, key: jax.Array) -> Transition:
-        return replays.draw(memory, latest, now, size, key, episode_steps=program.episode_steps)
-
-    return jax.vmap(lane)(state.replay[algo], state.world.observation[rows], keys)
+    size, now = program.agents[algo].batch_size, state.clock // program.environments
+    return jax.vmap(lambda memory, key: replays.draw(memory, now, size, key, program.sizes))(state.replay[algo], keys)
 
 
 def mix_prior(batches: Transition, prior: Transition, keys: jax.Array, hyper: Hyper, step: jax.Array) -> Transition:

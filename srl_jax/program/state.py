@@ -17,7 +17,7 @@ from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
 from srl_jax.program.lanes import Layout
-from srl_jax.program.replay import Replay
+from srl_jax.program.replay import Replay, Sizes
 from srl_jax.program.settings import TrainConfig
 from srl_jax.types import ActState, Params, Transition
 
@@ -99,12 +99,13 @@ class Program:
         return self.settings.environments
 
     @property
-    def episode_steps(self) -> int:
-        return self.robot.config.episode_steps
-
-    @property
     def observation_size(self) -> int:
         return hexapod.observation_size(self.robot.task, self.robot.config)
+
+    @property
+    def sizes(self) -> Sizes:
+        """Of what the replays hold."""
+        return Sizes(self.observation_size, hexapod.ACTION_SIZE, self.robot.config.episode_steps)
 
 
 def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[Teacher, ...]:

@@ -57,13 +57,13 @@ def vector_step(
 
     finite = jnp.isfinite(step.observation).all((1, 2)) & jnp.isfinite(step.reward).all(1)
     alive = state.alive & finite
-    memory = remember(program, lanes, state, action, act_state, step, mode.store & alive)
     episodes = ended_episodes(program, state, act_state, env, step, alive & mode.learn)
     agents = learn_episodes(program, lanes, state.agents, episodes)
     tally, episode = count_step(tally, state.world.episode, act_state, step, alive, first_only=~mode.store)
     after = World(env, act_state, step.observation, episode)
     world = auto_reset(program, lanes, state, after, step, alive)
 
+    memory = remember(program, lanes, state, action, act_state, step, world, mode.store & alive)
     clock = state.clock + program.environments
     state = TrainState(clock, agents, memory, world, alive)
     if not any(agent.update for agent in program.agents.values()):
@@ -95,6 +95,7 @@ def remember(
     action: jax.Array,
     act_state: ActState,
     step: EnvStep,
+    after: World,
     wanted: jax.Array,
 ) -> dict[str, replays.Replay]:
     """The replays after this step's transitions, of the `wanted` bool[R] rows of algorithms that replay."""
@@ -110,8 +111,8 @@ def remember(
         lot=lots.astype(jnp.float32),
     )
     rows, now = program.layout.slices(), state.clock // program.environments
-    write = partial(replays.add, step=now, episode_steps=program.episode_steps)
-    new = (transition, step.truncated)
+    write = partial(replays.add, step=now, episode_steps=program.sizes.episode_steps)
+    new = (transition, step.truncated, after.observation)
     own = {algo: jax.tree.map(lambda x, algo=algo: x[rows[algo]], (*new, wanted)) for algo in state.replay}
     return {algo: write(state.replay[algo], *new, wanted=wanted) for algo, (*new, wanted) in own.items()}
 

@@ -25,7 +25,7 @@ def config(**changes):
 def test_a_replay_is_counted_for_the_lanes_that_have_one():
     every = config(algos="tripod,ddpg,ite", task="x")
     lanes = plan.make(every).lanes
-    each = replay.size(50_000, 10, 100, observation_size("x", every.env), ACTION_SIZE)
+    each = replay.size(50_000, 10, replay.Sizes(observation_size("x", every.env), ACTION_SIZE, 100))
     assert memory.needed(every, lanes, 2).replay == 60 * each
     still = [lane for lane in lanes if lane.algo == "tripod"]
     assert memory.needed(every, still, 2).replay == 0
