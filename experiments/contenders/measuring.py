@@ -198,13 +198,16 @@ class Team:
             process.kill()
 
 
-def interleave(contenders: Sequence[Contender], rounds: int, note: Callable[[str], None]) -> list[Result]:
+def interleave(
+    contenders: Sequence[Contender], rounds: int, note: Callable[[str], None], beside: Team | None = None
+) -> list[Result]:
     """Starts the contenders one after the other, then times them in turn, round by round.
 
     Args:
         contenders: those that are compared.
         rounds: how often each is timed.
         note: told what is under way.
+        beside: one that runs already and takes part in every round; it goes on running.
     """
     teams = []
     try:
@@ -213,8 +216,11 @@ def interleave(contenders: Sequence[Contender], rounds: int, note: Callable[[str
             teams.append(Team(contender))
         for number in range(rounds):
             note(f"round {number + 1} of {rounds}")
-            for team in teams:
+            for team in [*teams, beside] if beside else teams:
                 team.round()
+        for team in teams:
+            if team.failed:
+                note(f"{team.contender.name} failed: {team.failed}")
         return [team.result() for team in teams]
     finally:
         for team in teams:

@@ -20,6 +20,7 @@ BLOCK = 64  # robots that MJX steps at once on a CPU: on our machines its fastes
 REACH = 0.5  # standard deviation of the targets about the stance, rad
 TITLES = {"c": "C MuJoCo", "mjx": "MJX", "ours": "ours"}
 ON_CPU = {"JAX_PLATFORMS": "cpu"}
+COLD = {"JAX_ENABLE_COMPILATION_CACHE": "false"}  # a first start, whatever has been compiled before
 
 
 def names(robots: int) -> list[str]:

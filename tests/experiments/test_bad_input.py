@@ -22,6 +22,8 @@ import pytest
         ("posterior_quality", {"members": 0}, "members is 0: give at least 1"),
         ("posterior_quality", {"rates": (0.1, 1.0)}, r"rates is \(0.1, 1.0\): give dropout rates between 0 and 1"),
         ("self_model", {"seeds": 0}, "seeds is 0"),
+        ("peers", {"repeats": 0}, "repeats is 0, .* of at least 1"),
+        ("peers", {"steps": 30}, "steps 30; .* a multiple of 20"),
         ("throughput", {"lanes": (1,)}, r"lanes is \(1,\), .* at least 2"),
         ("cross_check", {"run": Path("nowhere")}, "nowhere is not the directory of a run"),
         ("cross_check", {"run": Path("nowhere"), "episodes": 0}, "episodes is 0"),
