@@ -61,7 +61,7 @@ def by_link(values: jax.Array, ids: np.ndarray, filler: float = 0.0) -> jax.Arra
         return jnp.swapaxes(rows.reshape(*ids.T.shape, *values.shape[1:]), 0, 1)
     found = values[np.maximum(ids, 0)]
     real = (ids != FILLER).reshape(*ids.shape, *(1,) * (found.ndim - 2))
-    return jnp.where(real, found, filler)
+    return found if real.all() else jnp.where(real, found, filler)
 
 
 def by_id(values: jax.Array, ids: np.ndarray) -> jax.Array:

@@ -91,7 +91,8 @@ def steps(star: Star, body: Body, control: jax.Array, state: State, count: int) 
     Returns:
         The new state, likewise.
     """
-    seam = Seam(jnp.any(body.base_mass < 0).astype(jnp.int32))  # no mass is negative, but XLA does not know
+    # No number is above infinity, but XLA does not know that. Of the state: the model may be a constant, and be folded.
+    seam = Seam(jnp.any(state.qpos > jnp.inf).astype(jnp.int32))
     ids = star.ids
     targets = list(by_link(control, ids.actuator))
     pose = Pose(

@@ -140,3 +140,10 @@ def test_vmaps_may_be_nested_in_any_order(star, robots, toy):
     across = jax.vmap(partial(step, star), in_axes=(0, None, 0), out_axes=-1)
     turned = jax.jit(jax.vmap(across, in_axes=(None, 0, 1), out_axes=-1))(by_row, by_column, grid)
     same(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), turned), expected)
+
+
+def test_a_model_that_is_a_constant_keeps_its_stages_apart(star, robots):
+    """XLA folds what follows from constants, and with the seams gone a program takes minutes to compile."""
+    model, (_, control, state) = put_model(hopper()), some(robots, slice(VECTOR))
+    program = jax.jit(jax.vmap(lambda control, state: step(star, model, control, state)))
+    assert program.lower(control, state).compile().as_text().count(" while(") > 40
