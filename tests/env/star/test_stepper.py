@@ -1,16 +1,12 @@
 """The hexapod's steps are those of `mjx.step` and of C MuJoCo: 1,000 states, every kind of damage, a second long."""
 
 import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
 
 from srl_jax.env import damage
 from srl_jax.env.damage_names import catalogue
-from srl_jax.env.model import put_model
-from srl_jax.env.star import batching
-from srl_jax.env.star.constants import read
 from tests.env.star.reference import STEPS, Trial, attempt, in_c, largest
 
 ROBOTS = {1: 1_000, 3: 304}  # by Newton iterations; 76 damages in four kinds of state each are 304
@@ -74,16 +70,3 @@ def test_the_states_are_of_every_kind(trial):
     assert np.mean(np.array(contacts) == 0) > 0.1 and np.mean(np.array(contacts) >= 3) > 0.25
     assert np.mean(np.array(limits) > 0) > 0.1
     assert (np.ptp(trial.paths.expected.qpos, axis=0)[:, 7:].max(1) > 0.1).all()
-
-
-@pytest.mark.parametrize("trial", [1], indirect=True)
-def test_single_precision_errs_as_single_precision_does(trial):
-    star = read(put_model(trial.robots[0].model))
-    step = jax.vmap(lambda values, state, control: batching.simulate(star, values, control, state, 1))
-    arrays = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), (trial.values, trial.start, trial.targets[0]))
-    found = jax.device_get(jax.jit(step)(*arrays))
-    assert found.qpos.dtype == np.float32
-    errors = largest(found, jax.tree.map(lambda x: x[0], trial.paths.expected))
-    # Measured: 1.3e-6 and 9e-5, as for MJX in single precision.
-    assert errors.qpos.max() < 1e-5
-    assert errors.qvel.max() < 1e-3
