@@ -73,7 +73,7 @@ def rollouts(robot):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_mjx_is_c_mujoco_at_equal_settings(robot, rollouts, name):
+def test_the_physics_is_c_mujocos_at_equal_settings(robot, rollouts, name):
     first, (states, _, actions) = jax.tree.map(lambda leaf: leaf[KINDS.index(name)], rollouts)
     data = mujoco.MjData(model := damage.damaged_model(name))
     data.qpos[:], data.qvel[:] = first.qpos, first.qvel
