@@ -162,7 +162,8 @@ def main(arguments: Arguments) -> None:
         sgemm_rate(arguments.repeats),
         update_flops(arguments),
     )
-    console, environments = Console(), preset(arguments.preset).train.environments
+    train = preset(arguments.preset).train
+    console, environments = Console(), train.environments
     console.print(f"{devices} devices; C MuJoCo {c_rate:,.0f} physics steps/s; sgemm {peak / 1e9:,.0f} GFLOP/s; ")
     console.print(f"one update is at least {flops / 1e6:.1f} MFLOP (mean of DDPG and SRL)")
     table = Table(
@@ -171,7 +172,7 @@ def main(arguments: Arguments) -> None:
     for count in arguments.lanes:
         found = time_lanes(count, devices, arguments)
         physics = found["lanes"] * environments * SUBSTEPS / found["acting"]
-        learning = found["lanes"] / max(found["training"] - found["acting"], 1e-9)
+        learning = found["lanes"] / train.update_every / max(found["training"] - found["acting"], 1e-9)
         table.add_row(
             f"{found['lanes']:.0f}",
             f"{found['compile']:.0f}",

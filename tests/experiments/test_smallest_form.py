@@ -21,8 +21,8 @@ WORDS = {  # OUT is a file, RUN a finished run
     "cross_check": "RUN --algos srl --episodes 1 --seeds 1",
     "healthy_value": "--episodes 4 --seen 2 --whole 4 --damage healthy leg_rm --members 2 --masks 2 --updates 2",
     "lqr": "--repetitions 4 --trajectories 5 --critic-steps 100 --out OUT",
-    "peers": "--simulators c --robots 1 --lanes 1 --capacity 1600 --contenders ours --preset smoke --seeds 1 "
-    "--steps 20 --seconds 0.01 --repeats 1 --no-cold --out OUT",
+    "peers": "--sections job --contenders ours --preset smoke --seeds 1 --steps 20 --seconds 0.01 --repeats 1 "
+    "--no-cold --out OUT",  # its other parts: test_contenders
     "pendulum": "--algo srl --seeds 2 --steps 8",
     "physics_error": "--episodes 1",
     "posterior_quality": "--problems 2 --members 2 --rates 0.1 --updates 4 --out OUT",
