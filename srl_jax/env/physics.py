@@ -103,6 +103,11 @@ def simulate(
     return simulate_mjx(model, data, damage, state, control, count)
 
 
+def together(star: Star | None, wanted: int) -> int:
+    """Robots to step at once on a CPU: `wanted` by MJX, all (0) by the star stepper, which makes its own blocks."""
+    return wanted if star is None else 0
+
+
 def simulate_mjx(
     model: mjx.Model, data: mjx.Data, damage: Damage, state: State, control: jax.Array, count: int
 ) -> State:

@@ -14,7 +14,7 @@ from jax.sharding import Mesh
 from jax.sharding import PartitionSpec as P
 
 from srl_jax.blocks import blocked_map
-from srl_jax.env import hexapod
+from srl_jax.env import hexapod, physics
 from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
@@ -121,10 +121,10 @@ def make(mesh: Mesh, clock_hz: float = CLOCK_HZ, block: int = BLOCK) -> Callable
     Args:
         mesh: devices, from `devices_mesh`; B must be a multiple of their number.
         clock_hz: cycles of a gait per second.
-        block: robots stepped together on a CPU; an accelerator takes all of its share at once.
+        block: robots stepped together by MJX on a CPU; otherwise all of a device's share at once.
     """
     robot, parts = hexapod.make("x", EnvConfig(), clock_hz), geometry()
-    wanted = block if mesh.devices.flat[0].platform == "cpu" else 0
+    wanted = physics.together(robot.star, block) if mesh.devices.flat[0].platform == "cpu" else 0
 
     def rows(damage: Damage, gaits: jax.Array) -> Walk:
         batched = jax.vmap(lambda gait: walk(robot, parts, damage, gait))

@@ -24,7 +24,7 @@ class TrainConfig:
     clone_updates: int = 1_000
     """Gradient steps of behaviour cloning where the student starts from a scripted pi_B."""
     physics_block: int = 6
-    """Lanes whose physics is stepped together on a CPU (cache-sized); 0: all at once, as on a GPU."""
+    """Lanes whose physics MJX steps together on a CPU (cache-sized); 0: all at once. The star stepper ignores it."""
     update_block: int = 4
     """Lanes that learn together on a CPU (cache-sized); 0: all at once, as on a GPU."""
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax.sharding import PartitionSpec
 
 from srl_jax.blocks import blocked_map
-from srl_jax.env import hexapod
+from srl_jax.env import hexapod, physics
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, EnvStep
 from srl_jax.program import replay as replays
@@ -76,8 +76,7 @@ def vector_step(
 def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
     """One control step of all robots, in blocks that fit the cache; physics is traced here and only here."""
     count = program.environments
-    whole = program.wide or program.robot.star is not None  # which finds its own blocks
-    block = 0 if whole else program.settings.physics_block * count
+    block = 0 if program.wide else physics.together(program.robot.star, program.settings.physics_block * count)
     # One flat axis of robots: with lanes and robots as two axes, MJX's small products are a sixth slower.
     rows = (jax.tree.map(lambda x: jnp.repeat(x, count, axis=0), damage), *_flat((env, action)))
     flat = blocked_map(lambda args: jax.vmap(partial(hexapod.step, program.robot))(*args), rows, block)

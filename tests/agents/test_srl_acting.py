@@ -14,20 +14,14 @@ from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.bayes import controller
 from srl_jax.types import ActState
 from tests.agents.reference import ACTION, OBSERVATION, convinced_critic
+from tests.agents.small_srl import KEY, STATIC, STEP, high
 
 SHARED = dict(critic_updates=1, tau=(0.01,), hidden=(8, 8), layer_norm=False, critics=2, init="random", noise=(0.1,))
 FULL = SRLConfig(**SHARED, dropout=(0.3,), draws=8)
 OFF, BASELINE = SRLConfig(**SHARED, select=False), DDPGConfig(**SHARED)
-STATIC = ("config", "teachers")
 act = jax.jit(srl.act, static_argnames=STATIC)
 init = jax.jit(lambda key: srl.init(key, OBSERVATION, ACTION, config=FULL))
 student = jax.jit(lambda actor, observation: ddpg.student(actor, observation, config=FULL))
-KEY, STEP = jax.random.key(0), jnp.float32(1e4)
-
-
-def high(observation: jax.Array) -> jax.Array:
-    """A teacher whose advice is a large sum of actions."""
-    return 0.8 + 0.0 * observation[:ACTION]
 
 
 def change(config: SRLConfig = FULL, **fields) -> SRLConfig:
