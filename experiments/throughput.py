@@ -152,7 +152,7 @@ def main(arguments: Arguments) -> None:
             f"lanes is {arguments.lanes}, vector_steps {arguments.vector_steps} and repeats {arguments.repeats}; "
             "at least 2, 1 and 1 are needed."
         )
-    devices = use_devices(arguments.devices)
+    devices = use_devices(arguments.devices, solves=False)
 
     from srl_jax.config import preset
     from srl_jax.env.hexapod import SUBSTEPS

@@ -73,6 +73,13 @@ class Config:
             return getattr(self, name)
         return self.more[name] if name in self.more else registry.settings(name)
 
+    @property
+    def solves(self) -> bool:
+        """Whether its program may solve linear systems, as far as its settings tell: MJX does, and some algorithms."""
+        algos = [self.agent(name.strip()) for name in self.algos.split(",")]
+        searched = "repertoire" in self.behaviour  # the teacher is what `ite` finds
+        return self.env.physics == "mjx" or searched or any(algo.solves for algo in algos)
+
     def with_agents(self, **settings: AgentSettings) -> "Config":
         """The same run with other settings of some algorithms."""
         shipped = {name: value for name, value in settings.items() if name in registry.SHIPPED}

@@ -29,6 +29,12 @@ def cores() -> int:
     return max(1, math.ceil(min(allowed, cpu_quota(CGROUPS, OWN_CGROUPS))))
 
 
+def xla_threads(devices: int) -> int:
+    """Threads of the pool on which XLA runs so many devices of a CPU."""
+    wanted = os.environ.get("NPROC", "")
+    return max(devices, int(wanted) if wanted.isdecimal() and int(wanted) > 0 else cores())
+
+
 def cpu_quota(root: Path, own: Path) -> float:
     """Cores' worth of time that the cgroups of Linux grant, infinite where they set no limit.
 

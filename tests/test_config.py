@@ -10,7 +10,7 @@ import tyro
 from srl_jax.agents import hyper, registry
 from srl_jax.agents.settings import DDPGConfig, SRLConfig
 from srl_jax.config import ACTOR_CRITICS, Config, preset
-from srl_jax.env.settings import TASKS
+from srl_jax.env.settings import TASKS, EnvConfig
 
 
 def test_unknown_preset_names_the_choices():
@@ -99,3 +99,18 @@ def test_an_algorithm_is_asked_for_by_name_whether_it_ships_or_not():
 def test_config_answers_without_jax():
     code = "import sys, srl_jax.config; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "solves"),
+    [
+        ({}, False),
+        ({"algos": "ddpg, srl,ddpg_warm,acteach,tripod,pi_b"}, False),
+        ({"algos": "srl,bac"}, True),
+        ({"algos": "ite"}, True),
+        ({"behaviour": "gait,repertoire"}, True),
+        ({"env": EnvConfig(physics="mjx")}, True),
+    ],
+)
+def test_which_programs_solve_linear_systems(changes, solves):
+    assert dataclasses.replace(Config(), **changes).solves is solves

@@ -22,7 +22,7 @@ def started(config: Config, devices: int) -> tuple[Callable[[int], Any], dict[st
     """
     from srl_jax.cli.devices import use_devices
 
-    use_devices(str(devices))
+    use_devices(str(devices), solves=config.solves)
     import jax
 
     from srl_jax.job import memory, start, teachers

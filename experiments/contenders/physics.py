@@ -66,7 +66,7 @@ def in_jax(stepper: str, robots: int, devices: int, least: float) -> Runner:
     """MJX or the star stepper, the robots spread over devices."""
     from srl_jax.cli.devices import use_devices
 
-    use_devices(str(devices))
+    use_devices(str(devices), solves=stepper == "mjx")
     import jax
     import jax.numpy as jnp
     from jax.sharding import AxisType, NamedSharding, PartitionSpec

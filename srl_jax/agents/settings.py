@@ -55,6 +55,8 @@ class ActorConfig(AgentSettings):
 class DDPGConfig(ActorConfig):
     """DDPG (Lillicrap et al. 2016) with an ensemble of critics and, optionally, a start from pi_B."""
 
+    solves: ClassVar[bool] = False
+
     critics: Count = 2
     """Members of the critic ensemble; targets and actor use their mean."""
     critic_updates: Count = 10
@@ -162,6 +164,8 @@ ACTEACH = SRLConfig(
 @dataclass(frozen=True)
 class FrozenConfig(AgentSettings):
     """A policy that does not learn."""
+
+    solves: ClassVar[bool] = False
 
     policy: Literal["behaviour", "tripod"] = "behaviour"
     """pi_B, or the tuned tripod gait whatever pi_B is."""

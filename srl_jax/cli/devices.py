@@ -6,15 +6,18 @@ from pathlib import Path
 from srl_jax import machine
 
 
-def use_devices(wanted: str, lanes: int | None = None) -> int:
+def use_devices(wanted: str, lanes: int | None = None, *, solves: bool = True) -> int:
     """Sets jax up for the devices, before it starts; returns how many there are.
 
-    On a CPU: one XLA device per core. Its thread pool must be larger than the number of devices, or they deadlock.
+    On a CPU: one XLA device per core, and as many threads in XLA's pool, so that every device keeps its core to itself.
+    With more threads it goes from one to another with each independent operation, a third slower. But LAPACK waits for
+    another thread to help it, for ever where each is a device that waits: programs that call it need threads to spare.
 
     Args:
         wanted: ``auto`` or a number.
         lanes: there are never more devices than these, whatever is wanted: the others would have nothing to do, and
             no lane's numbers depend on them.
+        solves: whether the program may solve linear systems, which XLA leaves to LAPACK.
 
     Raises:
         ValueError: `wanted` is neither auto nor a positive number, or more than there are.
@@ -25,7 +28,8 @@ def use_devices(wanted: str, lanes: int | None = None) -> int:
     most = 4 * cores
     count = cores if wanted == "auto" else int(wanted)
     on_cpu = min(count, lanes or count, most)
-    os.environ.setdefault("NPROC", str(2 * max(on_cpu, cores)))
+    threads = 2 * max(on_cpu, cores) if solves else on_cpu if on_cpu > 1 else cores
+    os.environ.setdefault("NPROC", str(threads))
     import jax
 
     if jax.config.jax_compilation_cache_dir is None:  # not the variable: jax reads it once, and may be imported already

@@ -43,7 +43,7 @@ def _main(argv: list[str]) -> int:
 
     from srl_jax.job import plan
 
-    devices = use_devices(config.devices, len(plan.make(config).lanes))
+    devices = use_devices(config.devices, len(plan.make(config).lanes), solves=config.solves)
 
     from absl import logging
 

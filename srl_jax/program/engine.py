@@ -1,5 +1,6 @@
 """The program on its devices: compiled once, with its rows' constants laid beside it."""
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
+from srl_jax import machine
 from srl_jax.agents import hyper as hypers
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
@@ -56,6 +58,7 @@ class Engine:
             start = time.perf_counter()
             compiled = self._compiled = self._chunk.lower(*args).compile()
             self.compile_seconds = time.perf_counter() - start
+            refuse_deadlock(compiled, self.program.layout.devices)
         return compiled(*args)
 
     def new_world(self, lanes: LaneData, first: int = 0, limit: int = EVERY) -> World:
@@ -71,6 +74,20 @@ class Engine:
     def gauges(self, agents: dict[str, Any]) -> dict[str, Measured]:
         """The running totals of the agents that have some, by metric."""
         return by_metric(self.program, jax.device_get(self._gauges(agents)))
+
+
+def refuse_deadlock(compiled: Any, devices: int) -> None:
+    """Refuses a program that would hang: LAPACK waits for another thread of XLA's pool, and all of them are devices.
+
+    Raises:
+        ValueError: it calls LAPACK on several devices of a CPU, and the pool is no larger.
+    """
+    short = jax.default_backend() == "cpu" and 1 < devices >= machine.xla_threads(devices)
+    if short and "lapack" in compiled.as_text():
+        raise ValueError(
+            f"NPROC is {os.environ.get('NPROC', 'not set')}: this program solves linear systems on {devices} devices "
+            f"at once, for which XLA needs more threads than devices; set NPROC={2 * devices} before it starts."
+        )
 
 
 def _new_world(program: Program, keys: jax.Array, damage: Damage, first: jax.Array, limit: jax.Array) -> World:

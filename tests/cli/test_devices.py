@@ -38,7 +38,28 @@ CPU = [("auto", None, 4), ("auto", 120, 4), ("auto", 3, 3), ("2", 120, 2), ("8",
 def test_a_device_per_core_but_none_without_a_lane(wanted, lanes, count, computer):
     told = computer(cores=4)
     assert use_devices(wanted, lanes) == told["jax_num_cpu_devices"] == count
-    assert int(os.environ["NPROC"]) > count  # XLA's threads, or its devices deadlock
+    assert int(os.environ["NPROC"]) > count  # LAPACK waits for a thread that is no device
+
+
+@pytest.mark.parametrize(("wanted", "lanes", "count"), CPU)
+def test_a_device_keeps_its_core_where_nothing_waits_for_threads(wanted, lanes, count, computer):
+    computer(cores=4)
+    assert use_devices(wanted, lanes, solves=False) == count
+    assert int(os.environ["NPROC"]) == count == machine.xla_threads(count)
+
+
+def test_a_device_alone_has_all_cores(computer):
+    computer(cores=4)
+    assert use_devices("1", 120, solves=False) == 1
+    assert int(os.environ["NPROC"]) == 4
+
+
+@pytest.mark.parametrize(("said", "threads"), [("", 4), ("3", 3), ("0", 4), ("many", 4), ("1", 2)])
+def test_threads_of_a_pool(said, threads, computer, monkeypatch):
+    """As XLA has it: never fewer than the (here two) devices."""
+    computer(cores=4)
+    monkeypatch.setenv("NPROC", said)
+    assert machine.xla_threads(2) == threads
 
 
 GPU = [("auto", 120, 8), ("auto", 3, 3), ("2", 120, 2), ("8", 120, 8), ("8", 1, 1)]

@@ -24,7 +24,7 @@ def toy():
     """Milliseconds instead of physics."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(evaluate, "make", make)
-        patch.setattr(cli, "use_devices", lambda wanted, lanes: 2)
+        patch.setattr(cli, "use_devices", lambda wanted, lanes, **_: 2)
         yield
 
 

@@ -59,7 +59,7 @@ def test_the_peers_robot_observes_and_earns_what_ours_does(task, settings):
 
 
 def test_all_simulators_move_the_same_robots_alike(monkeypatch):
-    monkeypatch.setattr("srl_jax.cli.devices.use_devices", lambda wanted: DEVICES)  # jax has started
+    monkeypatch.setattr("srl_jax.cli.devices.use_devices", lambda wanted, **_: DEVICES)  # jax has started
     theirs, ours = physics.in_c(4, 2, 0.01), physics.in_jax("star", 4, DEVICES, 0.01)
     where = np.array(theirs.facts["position"])
     np.testing.assert_allclose(ours.facts["position"], where, atol=1e-4)

@@ -62,7 +62,7 @@ def test_it_runs(name, request, tmp_path, capsys, monkeypatch):
         import_module(f"experiments.{name}"),
         tmp_path / ("figure.png" if name != "tune_gait" else "gait.json"),
     )
-    monkeypatch.setattr(throughput, "use_devices", lambda wanted: DEVICES)  # jax has started
+    monkeypatch.setattr(throughput, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
     words = WORDS[name].replace("OUT", str(out)).split()
     if "RUN" in words or name == "throughput":  # whose program is that of the smoke run, compiled once
         run = str(request.getfixturevalue("smoke_run")[0])

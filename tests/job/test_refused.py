@@ -17,7 +17,7 @@ REFUSED = [
 
 def sentence(capsys, monkeypatch, *arguments):
     """The one line on stderr of a command that is refused."""
-    monkeypatch.setattr(command, "use_devices", lambda wanted, lanes: 2)
+    monkeypatch.setattr(command, "use_devices", lambda wanted, lanes, **_: 2)
     with pytest.raises(SystemExit) as caught:
         command.main(list(arguments))
     assert caught.value.code == 2

@@ -21,6 +21,12 @@ PYTHON = [sys.executable, "-m", "srl_jax.run"]
 COMMAND = [*PYTHON, "--preset", "smoke", "--devices", "2", "--out"]
 
 
+@pytest.fixture(autouse=True)
+def own_threads(monkeypatch):
+    """Every command sizes XLA's pool itself: as many threads as devices, where the tests here have one to spare."""
+    monkeypatch.delenv("NPROC")
+
+
 def resume(directory: Path, *arguments: str) -> None:
     """Goes on by the command line, as the closing line of a stopped run says."""
     done = subprocess.run([*PYTHON, "--resume", str(directory), *arguments], capture_output=True, text=True)

@@ -52,3 +52,25 @@ def test_gauges_are_running_totals_as_they_stand(searching):
     rows = program.layout.rows_of["ite"]
     assert found["trial_seconds"].rows.tolist() == rows.tolist()
     np.testing.assert_array_equal(found["trial_seconds"].values, spent)
+
+
+SYSTEM = jnp.eye(3)
+
+
+@pytest.mark.parametrize(
+    ("function", "threads", "devices", "refused"),
+    [
+        (jnp.linalg.cholesky, "2", 2, True),
+        (lambda a: jnp.linalg.solve(a, a), "2", 2, True),
+        (jnp.linalg.cholesky, "3", 2, False),  # one to spare
+        (jnp.linalg.cholesky, "1", 1, False),  # no other device waits
+        (lambda a: jnp.tanh(a @ a), "2", 2, False),  # it calls no LAPACK
+    ],
+)
+def test_what_would_wait_for_ever_is_refused(function, threads, devices, refused, monkeypatch):
+    monkeypatch.setenv("NPROC", threads)
+    compiled = jax.jit(function).lower(SYSTEM).compile()
+    if not refused:
+        return engines.refuse_deadlock(compiled, devices)
+    with pytest.raises(ValueError, match=r"NPROC is 2: .*set NPROC=4"):
+        engines.refuse_deadlock(compiled, devices)
