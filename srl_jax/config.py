@@ -45,6 +45,8 @@ class Config:
     error finds after the damage), or a finished run; several, separated by commas, are several teachers."""
     devices: str = "auto"
     """Devices the lanes are laid over: auto (one per core, or all accelerators) or a number."""
+    part: str = ""
+    """k/n: only the k-th of n parts of the lanes, as a sweep's packs are; each has its share of every algorithm."""
     memory_gb: float = 16.0
     """Lanes are trained in several waves, one after the other, where the arithmetic of all of them exceeds this."""
     env: EnvConfig = field(default_factory=EnvConfig)

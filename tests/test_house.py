@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS = (  # highest first; rooms of one line do not know each other
     ("run", "repertoire", "__main__"),
     ("cli",),
+    ("sweep",),
     ("job",),
     ("config",),
     ("report",),
@@ -25,6 +26,17 @@ ROOMS = (  # highest first; rooms of one line do not know each other
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
     *("__init__", "__main__", "run", "repertoire", "config", "machine", "ite.settings"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
+    *(
+        "cli.sweep",
+        "cli.sweep_display",
+        "cli.grid",
+        "cli.pack",
+        "sweep.manifest",
+        "sweep.lease",
+        "sweep.attempts",
+        "sweep.cache",
+    ),
+    *("sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
     *("job.plan", "job.files", "program.settings", "program.lanes"),
     *("agents.sweep", "agents.settings", "agents.registry", "env.settings", "env.anatomy", "env.damage_names"),
 )
@@ -92,7 +104,7 @@ def upward(sources: dict[str, str], package: str = "srl_jax") -> list[str]:
     """Imports of a room that is not below the importer's own; the package's list of public modules may import any."""
     inside = [edge for edge in imports(sources) if edge.of in sources and edge.by != package and edge.of != package]
     level = {name: number for number, rooms in enumerate(ROOMS) for name in rooms}
-    room = lambda name: name.split(".")[1]  # noqa: E731
+    room = lambda name: name.split(".")[-1 if name.endswith(".__main__") else 1]  # noqa: E731  a door, in its room
     homeless = [f"{name} lies in no room" for name in sources if name != package and room(name) not in level]
     arrows = [edge for edge in inside if room(edge.by) != room(edge.of)]
     return homeless or [f"{e.by} imports {e.of}" for e in arrows if level[room(e.by)] >= level[room(e.of)]]

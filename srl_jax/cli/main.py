@@ -11,6 +11,7 @@ from srl_jax.cli.ending import leave
 VERBS = {
     "run": ("train on damaged robots: every seed and every damage in one program", "srl_jax.cli.run:main"),
     "repertoire": ("fill a map of gaits by MAP-Elites, before any damage", "srl_jax.cli.repertoire:main"),
+    "sweep": ("many lanes as packs, on one machine, a Slurm cluster or Ray", "srl_jax.cli.sweep:main"),
 }  # name: (what it does, the function that is given its arguments)
 
 

@@ -118,13 +118,24 @@ def read_config(directory: Path) -> tuple[Config, int]:
     Raises:
         ValueError: the directory is not a run's, or was written by another version.
     """
-    stored = read_json(directory, "run")
-    with _sentence(directory / "config.json"):
-        values = dict(stored["config"])
+    stored, path = read_json(directory, "run"), directory / "config.json"
+    with _sentence(path):
+        values, devices = stored["config"], int(stored["parts"][-1]["devices"])
+    return config_of(values, path), devices
+
+
+def config_of(stored: dict[str, Any], path: Path) -> Config:
+    """A configuration from the plain values that `dataclasses.asdict` made of it.
+
+    Raises:
+        ValueError: the values are those of another version; the message names the `path` that they came from.
+    """
+    with _sentence(path):
+        values = dict(stored)
         for name, kind in _SECTIONS.items():
             values[name] = _section(kind, values[name])
         values["more"] = {name: _section(type(registry.settings(name)), x) for name, x in values["more"].items()}
-        return Config(**values), int(stored["parts"][-1]["devices"])
+        return Config(**values)
 
 
 def read_parts(directory: Path) -> list[dict[str, Any]]:

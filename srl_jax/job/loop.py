@@ -45,7 +45,7 @@ class Loop:
     ):
         self.config, self.plan, self.directory = config, plan, directory
         self.teachers, self.listener, self.stopped = teachers, listener, stopped
-        self.layout = lay_out(plan.lanes, devices)
+        self.layout = lay_out(plan.lanes, devices, plan.room)
         self.engine = engines.Engine(start.make_program(config, self.layout, teachers))
         self.program = self.engine.program
         self.lanes = start.make_lanes(self.program, config, teachers, "train", plan.damages(self.layout.rows, 0))

@@ -1,6 +1,7 @@
 """What a run will cost in memory and operations, by arithmetic before anything is allocated; waves of lanes to fit."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -91,11 +92,16 @@ def _part(by_algo: dict[str, list[Lane]], number: int, parts: int) -> list[Lane]
     return found
 
 
-def operations(config: Config, lanes: Sequence[Lane]) -> float:
-    """Floating-point operations of the updates of all lanes, at least: products of matrices in actor and critics."""
+def operations(config: Config, lanes: Mapping[str, int]) -> float:
+    """Floating-point operations of the updates of all lanes, at least: products of matrices in actor and critics.
+
+    Args:
+        config: of the run.
+        lanes: how many each algorithm has.
+    """
     updates = config.steps / (config.train.environments * config.train.update_every)
     total = 0.0
-    for algo in dict.fromkeys(lane.algo for lane in lanes):
+    for algo, count in lanes.items():
         settings, agent = config.agent(algo), registry.agent(config.agent(algo))
         if not agent.replays or agent.network is None:
             continue
@@ -104,7 +110,7 @@ def operations(config: Config, lanes: Sequence[Lane]) -> float:
         steps = settings.critic_updates if isinstance(settings, DDPGConfig) else 1
         # Forward 2 operations a parameter and sample, backward 4; the critic's target, its step, then the actor's step.
         each = agent.batch_size * (2 * (actor + critic) + 6 * critic) + agent.batch_size / steps * 6 * (actor + critic)
-        total += each * updates * sum(lane.algo == algo for lane in lanes)
+        total += each * updates * count
     return total
 
 
@@ -112,7 +118,7 @@ def describe(config: Config, parts: Sequence[Sequence[Lane]], devices: int) -> s
     """What a run will cost, in a sentence or two for the reader of a terminal."""
     lanes = [lane for part in parts for lane in part]
     cost = needed(config, parts[0], devices)
-    count = operations(config, lanes)
+    count = operations(config, Counter(lane.algo for lane in lanes))
     said = f"{len(lanes)} lanes x {config.steps:,} steps; memory {cost}"
     if len(parts) > 1:
         said += f", in {len(parts)} waves of {len(parts[0])} lanes"

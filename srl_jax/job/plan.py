@@ -3,8 +3,9 @@
 This module imports no jax, so that lanes can be counted before devices are set up.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from srl_jax.agents import registry
 from srl_jax.agents.sweep import variants
@@ -20,6 +21,7 @@ class Plan:
 
     lanes: Sequence[Lane]
     stages: tuple[tuple[int, str | None], ...]  # (from step, damage of all lanes; None: the lane's own)
+    room: Mapping[str, int] = field(default_factory=dict)  # rows of an algorithm, at least: parts are alike in shape
 
     def damage(self, lane: Lane, step: int) -> str:
         """The damage of a lane at an environment step."""
@@ -38,25 +40,67 @@ def make(config: Config) -> Plan:
         ValueError: a field has an unknown or impossible value; the message names it and what is accepted.
     """
     check(config)
-    algos, seeds = parse_algos(config.algos), parse_seeds(config.seeds)
+    algos, seeds, names = parse_algos(config.algos), parse_seeds(config.seeds), parse_damages(config)
+    stages = parse_schedule(config) if config.damage_schedule else ((0, None),)
+    number, parts = parse_part(config.part)
+    lanes, room = [], {}
+    for algo, first, count in shares(config, len(seeds), algos, len(names)):
+        if count < parts:
+            raise ValueError(f"part is {config.part!r}: {algo} has {count} lanes; make at most as many parts.")
+        own = range(first + number * count // parts, first + (number + 1) * count // parts)
+        lanes += table(config, seeds, (algo,), names, first, own)
+        room[algo] = -(-count // parts)
+    return Plan(lanes, stages, room)
+
+
+def shares(config: Config, seeds: int, algos: Sequence[str], damages: int) -> list[tuple[str, int, int]]:
+    """Each algorithm with the number of its first lane and of its lanes, without making any."""
+    counts = [sum(1 for _ in variants(config.agent(algo))) * damages * seeds for algo in algos]
+    return list(zip(algos, itertools.accumulate(counts, initial=0), counts, strict=False))
+
+
+def table(
+    config: Config,
+    seeds: Sequence[int],
+    algos: Sequence[str],
+    damages: Sequence[str],
+    first: int = 0,
+    only: Sequence[int] | None = None,
+) -> list[Lane]:
+    """Every lane of a run, numbered: algorithms, their variants, damages, seeds.
+
+    Args:
+        config: of the run.
+        seeds: of the run.
+        algos: in order.
+        damages: canonical names.
+        first: number of the first lane.
+        only: numbers of the lanes that are wanted; the others of a large sweep are never made.
+    """
+    options = [(algo, tuple(variant.items())) for algo in algos for variant in variants(config.agent(algo))]
+    every = range(first, first + len(options) * len(damages) * len(seeds))
+    lanes = []
+    for index in every if only is None else only:
+        place, seed = divmod(index - first, len(seeds))
+        option, damage = divmod(place, len(damages))
+        algo, variant = options[option]
+        lanes.append(Lane(index, algo, seeds[seed], config.task, damages[damage], variant))
+    return lanes
+
+
+def parse_damages(config: Config) -> tuple[str, ...]:
+    """The damages that lanes differ by; a schedule is one."""
     if config.damage_schedule:
-        stages: tuple[tuple[int, str | None], ...] = parse_schedule(config)
-        names: tuple[str, ...] = (">".join(f"{name}@{start}" for start, name in stages),)
-    else:
-        stages, names = ((0, None),), damage_names.parse_names(config.damage, config.task)
-    return Plan(table(config, seeds, algos, names), stages)
+        return (">".join(f"{name}@{start}" for start, name in parse_schedule(config)),)
+    return damage_names.parse_names(config.damage, config.task)
 
 
-def table(config: Config, seeds: Sequence[int], algos: Sequence[str], damages: Sequence[str]) -> list[Lane]:
-    """Every lane of a run, numbered: algorithms, their variants, damages, seeds."""
-    keys = [
-        (algo, seed, config.task, damage, tuple(variant.items()))
-        for algo in algos
-        for variant in variants(config.agent(algo))
-        for damage in damages
-        for seed in seeds
-    ]
-    return [Lane(index, *key) for index, key in enumerate(keys)]
+def parse_part(text: str) -> tuple[int, int]:
+    """`k/n`, k from 1 to n, as (k - 1, n); empty: the only part of one."""
+    number, slash, parts = (text or "1/1").partition("/")
+    if not (slash and number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
+        raise ValueError(f"part is {text!r}: give k/n with k from 1 to n, such as 3/16.")
+    return int(number) - 1, int(parts)
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

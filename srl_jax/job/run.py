@@ -70,7 +70,8 @@ def run(
 
 def _maker(config: Config, plan: Plan, devices: int, taught, listener: Listener, stopped) -> Callable[..., Loop]:
     def make(lanes: Sequence[Lane], directory: Path) -> Loop:
-        return Loop(config, replace(plan, lanes=lanes), directory, devices, taught, listener, stopped)
+        room = plan.room if len(lanes) == len(plan.lanes) else {}
+        return Loop(config, replace(plan, lanes=lanes, room=room), directory, devices, taught, listener, stopped)
 
     return make
 

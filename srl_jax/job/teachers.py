@@ -107,7 +107,7 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
 
 def _healthy_run(config: Config) -> Config:
     """Learns a healthy policy per seed by SRL, guided by the gait."""
-    healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", damage_schedule="")
+    healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", damage_schedule="", part="")
     return dataclasses.replace(healthy, srl=first_values(healthy.srl))
 
 
@@ -117,7 +117,8 @@ def _trial_run(config: Config) -> Config:
     every = dict(evaluate_every=steps, checkpoint_every=steps, warmup=steps)
     train = dataclasses.replace(config.train, **every)
     damage = config.damage if config.damage != "task" else ",".join(damage_names.parse_names("task", config.task))
-    return dataclasses.replace(config, behaviour="gait", algos="ite", task="x", damage=damage, steps=steps, train=train)
+    walk = dict(behaviour="gait", algos="ite", task="x", damage=damage, part="")
+    return dataclasses.replace(config, **walk, steps=steps, train=train)
 
 
 MADE = {"gait": None, "train": _healthy_run, "repertoire": _trial_run}  # teachers that need no finished run

@@ -3,9 +3,10 @@
 This module imports no jax, so that lanes can be counted before devices are set up.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -75,15 +76,21 @@ class Layout:
         return result
 
 
-def lay_out(lanes: Sequence[Lane], devices: int) -> Layout:
-    """Splits each algorithm's lanes evenly over the devices; the last lane fills up what does not divide."""
+def lay_out(lanes: Sequence[Lane], devices: int, room: Mapping[str, int] = MappingProxyType({})) -> Layout:
+    """Splits each algorithm's lanes evenly over the devices; the last lane fills up what does not divide.
+
+    Args:
+        lanes: at least one of each algorithm.
+        devices: how many.
+        room: rows of an algorithm, at least, where its part of a run shall be as large as the other parts.
+    """
     own: dict[str, list[Lane]] = {}
     for lane in lanes:
         own.setdefault(lane.algo, []).append(lane)
     shares: list[list[tuple[Lane, bool]]] = [[] for _ in range(devices)]
     counts = []
     for algo, rows in own.items():
-        count = -(-len(rows) // devices)
+        count = -(-max(len(rows), room.get(algo, 0)) // devices)
         padded = [(lane, False) for lane in rows] + [(rows[-1], True)] * (count * devices - len(rows))
         for device in range(devices):
             shares[device] += padded[device * count : (device + 1) * count]

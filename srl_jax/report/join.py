@@ -13,7 +13,7 @@ from typing import Any
 
 from srl_jax.report.files import FILES, METRICS_HEADER, Lane, episodes, read_lanes, read_rows, read_settings
 
-FREE = ("algos", "memory_gb", "devices")  # settings that move no lane's numbers
+FREE = ("algos", "seeds", "damage", "part", "memory_gb", "devices")  # settings that move no lane's numbers
 SHARED = ("env", "train", "evaluation")  # sections of all lanes; every other section is an algorithm's
 
 

@@ -1,0 +1,95 @@
+"""What a sweep will cost, by arithmetic before anything is submitted: hours, memory, disk; and how large packs are.
+
+The rates are those of one Zen 4 core; `experiments/sweep_simulation.py` has what follows for the size of packs from
+failures and preemption.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+
+from srl_jax.config import Config
+from srl_jax.job import memory, plan
+from srl_jax.sweep.manifest import Point, Sweep, split
+
+LEARNING = 4.5e10  # operations per second and core that updates reach
+ACTING = 9e-6  # s per environment step and core: acting, physics, evaluations
+START = 60.0  # s of a task that are not training: imports, compiling, cloning, files
+PACK_HOURS = 1.0  # of a pack, at most: what a lost node costs at worst, and far more than starting does
+LEAST = 8  # lanes a core, below which a core is not kept busy
+METRICS_ROW = 32  # bytes, and how many an evaluation of a lane writes:
+ROWS = 30
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a whole sweep; a pack's figures are the largest pack's."""
+
+    lanes: int
+    packs: int
+    pack_lanes: int
+    pack_seconds: float
+    pack_bytes: int
+    core_hours: float
+    disk_bytes: int
+
+
+def lane_seconds(config: Config, algo: str) -> float:
+    """Core seconds of one lane."""
+    return memory.operations(config, {algo: 1}) / LEARNING + config.steps * ACTING
+
+
+def seconds(point: Point, lanes: float, cpus: int) -> float:
+    """Of a task with so many of a point's lanes."""
+    total = sum(point.lanes.values())
+    each = sum(lane_seconds(point.config, algo) * count for algo, count in point.lanes.items()) / total
+    return START + lanes * each / cpus
+
+
+def best_pack(points: tuple[Point, ...], cpus: int, limit_gb: float) -> int:
+    """Lanes of a pack: as many as take an hour and fit the memory, but enough to keep every core busy."""
+    sizes = []
+    for point in points:
+        total = sum(point.lanes.values())
+        per_lane = seconds(point, 1.0, cpus) - START
+        wanted = max(LEAST * cpus, int((PACK_HOURS * 3600 - START) / per_lane))
+        least = -(-total // min(point.lanes.values()))  # every pack has a lane of each algorithm
+        size = max(min(wanted, total), min(least, total))
+        while size > least and sum(bytes_of(point, size, cpus)) > limit_gb * 2**30:
+            size = max(least, size * 3 // 4)
+        sizes.append(size)
+    return min(sizes)
+
+
+def bytes_of(point: Point, pack_lanes: int, cpus: int) -> memory.Bytes:
+    """What a pack of so many lanes allocates."""
+    part = split((dataclasses.replace(point, parts=1),), pack_lanes)[0].parts
+    config = dataclasses.replace(point.config, part=f"1/{part}")
+    return memory.needed(config, plan.make(config).lanes, cpus)
+
+
+def cost(sweep: Sweep, cpus: int) -> Cost:
+    """The arithmetic of a planned sweep, every task on so many cores."""
+    hours, longest, largest, pack_bytes, disk, lanes = 0.0, 0.0, 0, 0, 0, 0
+    for point in sweep.points:
+        total = sum(point.lanes.values())
+        size = -(-total // point.parts)
+        each = seconds(point, total / point.parts, cpus)
+        hours += each * point.parts * cpus / 3600
+        longest, largest, lanes = max(longest, each), max(largest, size), lanes + total
+        needs = bytes_of(point, size, cpus)
+        pack_bytes = max(pack_bytes, sum(needs))
+        evaluations = point.config.steps // point.config.train.evaluate_every + 2
+        disk += total * evaluations * ROWS * METRICS_ROW * 2 + needs.checkpoint * point.parts
+    return Cost(lanes, len(sweep), largest, longest, pack_bytes, hours, disk)
+
+
+def lines(found: Cost, cpus: int, at_once: int) -> list[str]:
+    """The arithmetic in words."""
+    hours = -(-found.packs // at_once) * found.pack_seconds / 3600
+    minutes, gib, plural = found.pack_seconds / 60, found.pack_bytes / 2**30, "s" if cpus > 1 else ""
+    return [
+        f"{found.lanes:,} lanes in {found.packs:,} packs of up to {found.pack_lanes:,}, each on {cpus} core{plural}: "
+        f"{minutes:,.0f} min and {gib:.1f} GiB a pack",
+        f"{found.core_hours:,.1f} core hours; with {at_once:,} packs at once {hours:,.1f} hours",
+        f"{found.disk_bytes / 2**30:,.1f} GiB on disk, checkpoints included",
+    ]
