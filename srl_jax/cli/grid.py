@@ -44,7 +44,8 @@ def _option(name: str, value: str) -> list[str]:
     if isinstance(kind, bool):
         return [flag if value.lower() == "true" else f"{flag.rpartition('.')[0]}.no-{field.replace('_', '-')}"]
     whole = isinstance(owner, AgentSettings) and field in swept_fields(type(owner))
-    return [flag, *(value.split(",") if isinstance(kind, tuple) and not whole else [value])]
+    words = [word for word in value.split(",") if word] if isinstance(kind, tuple) and not whole else [value]
+    return [flag, *words]
 
 
 def _field(name: str) -> tuple[object, str]:

@@ -1,5 +1,6 @@
 """What one task of a sweep does: it claims its pack, trains it from where it stands, and records how that ended."""
 
+import contextlib
 import sys
 import threading
 import warnings
@@ -23,18 +24,27 @@ def run_pack(sweep: Sweep, number: int) -> int:
     try:
         with lease.held(folder / attempts.LEASE) as lost:
             attempts.begin(folder)
-            code, error = 1, "killed"
-            try:
-                code, error = _work(sweep, pack, lost)
-            except BaseException as problem:
-                code, error = 2 if isinstance(problem, ValueError) else 1, str(problem) or type(problem).__name__
-                raise
-            finally:
-                attempts.end(folder, code, error)
-            return code
+            return _recorded(sweep, pack, folder, lost)
     except lease.HeldError as error:
         print(f"srl_jax: {error}", file=sys.stderr)
         return IN_USE
+
+
+def _recorded(sweep: Sweep, pack: Pack, folder: Path, lost: threading.Event) -> int:
+    """Works on the pack and records how it ended; a machine's failure is 1, to be tried again, bad input is 2."""
+    code, error = 1, "killed"
+    try:
+        code, error = _work(sweep, pack, lost)
+    except OSError as problem:
+        error = f"{problem.strerror or problem}: {problem.filename or 'while writing results'}."
+        print(f"srl_jax: {error}", file=sys.stderr)
+    except BaseException as problem:
+        code, error = (2 if isinstance(problem, ValueError) else 1), str(problem) or type(problem).__name__
+        raise
+    finally:
+        with contextlib.suppress(OSError):  # of a full disk, which the log tells anyway
+            attempts.end(folder, code, error)
+    return code
 
 
 def _work(sweep: Sweep, pack: Pack, lost: threading.Event) -> tuple[int, str]:

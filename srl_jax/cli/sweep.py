@@ -48,6 +48,8 @@ class Arguments:
     """Of a Ray cluster; empty: one is started here."""
     dry_run: bool = False
     """Print the plan and the job script; write nothing."""
+    plan_only: bool = False
+    """Write the manifest and start nothing: another engine hands out --run-pack (docs/sweeps.md)."""
     resume: bool = False
     """Go on with the sweep in --out: its packs that are not done."""
     status: bool = False
@@ -92,7 +94,7 @@ def _main(argv: list[str]) -> int:
         return dry_run(sweep, asked)
     check(sweep, asked)
     manifest.write(sweep)
-    return start(sweep, asked)
+    return 0 if asked.plan_only else start(sweep, asked)
 
 
 def plan(asked: Arguments, rest: list[str]) -> Sweep:
@@ -153,6 +155,7 @@ def check(sweep: Sweep, asked: Arguments) -> None:
         local.core_sets(cores(asked), max(1, asked.jobs))
     if asked.engine == "slurm":
         slurm.check(slurm_options(asked))
+        slurm.check_shared(sweep.directory)
         point = max(sweep.points, key=lambda point: cost.seconds(point, found.pack_lanes, cores(asked)))
         share = point.config.train.checkpoint_every / point.config.steps
         needed = cost.START + found.pack_seconds * min(1.0, share) + slurm.WARNING

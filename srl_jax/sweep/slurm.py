@@ -3,14 +3,17 @@
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from srl_jax.sweep.manifest import Sweep
 
 WARNING = 120  # s before the time limit at which a task is asked to save
+LOCAL = ("/tmp/", "/var/tmp/", "/dev/shm/", "/run/")  # of every machine its own
 TASKS = 1_000  # of one array, where the cluster does not say (its default MaxArraySize is 1001)
 
 SCRIPT = """\
@@ -173,6 +176,19 @@ def check(options: Options) -> None:
         known = [name.rstrip("*") for name in _said(["sinfo", "--noheader", "--format=%P"]).split()]
         if options.partition not in known:
             raise ValueError(f"partition is {options.partition!r}: this cluster has {', '.join(known) or 'none'}.")
+
+
+def check_shared(directory: Path) -> None:
+    """Raises ValueError where the directory lies on this machine alone while others would work on it."""
+    path = str(directory.absolute())
+    local = next((root for root in LOCAL if path.startswith(root)), None)
+    hosts = set(_said(["sinfo", "--noheader", "--Node", "--format=%n"]).split())
+    others = sorted(host for host in hosts if host.partition(".")[0] != socket.gethostname().partition(".")[0])
+    if local and others:
+        raise ValueError(
+            f"out is {directory}: {local} is this machine's own, and {others[0]} would not see it; choose a directory "
+            "that all nodes share."
+        )
 
 
 def seconds(text: str) -> int:

@@ -1,0 +1,26 @@
+"""What `--status` says."""
+
+from datetime import UTC, datetime, timedelta
+
+from srl_jax.sweep import attempts, status
+from tests.sweep import packs
+
+
+def test_packs_are_counted_and_the_rest_is_reckoned(tmp_path):
+    sweep = packs.planned(tmp_path / "s", 3)  # 12 lanes in 4 packs
+    for number in (0, 1):
+        packs.finish(sweep, number)
+    attempts.begin(sweep.task_directory(2))
+    attempts.end(sweep.task_directory(2), 2, "srl_jax: memory_gb is too small")
+    found = status.status(sweep, datetime.now(UTC) + timedelta(hours=2))
+    assert dict(found.counts) == {"done": 2, "failed": 1, "waiting": 1}
+    assert abs(found.lanes_per_hour - 3.0) < 0.01 and found.hours_left and abs(found.hours_left - 2.0) < 0.01
+    first, second = status.lines(sweep, found)
+    assert first == "4 packs: 2 done, 1 waiting, 1 failed; 3 lanes an hour, 2.0 hours left at this rate"
+    assert second.startswith("pack 00002 failed on ")
+    assert second.endswith("(1 attempt): srl_jax: memory_gb is too small")
+
+
+def test_nothing_begun(tmp_path):
+    sweep = packs.planned(tmp_path / "s", 3)
+    assert status.lines(sweep, status.status(sweep)) == ["4 packs: 4 waiting"]
