@@ -7,6 +7,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+SLURM = "SLURM_CPUS_PER_TASK"
 CGROUPS, OWN_CGROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 PACKAGES = (
     "srl-jax",
@@ -23,10 +24,12 @@ PACKAGES = (
 
 
 def cores() -> int:
-    """Cores that this process may keep busy: those it is allowed, or fewer where a container's quota says so."""
+    """Cores that this process may keep busy: those it is allowed, or fewer where a container or Slurm says so."""
     # macOS and Windows do not tell a process which cores are its own.
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, math.ceil(min(allowed, cpu_quota(CGROUPS, OWN_CGROUPS))))
+    given = os.environ.get(SLURM, "")  # which does not bind tasks to cores on every cluster
+    granted = int(given) if given.isdecimal() and int(given) > 0 else math.inf
+    return max(1, math.ceil(min(allowed, granted, cpu_quota(CGROUPS, OWN_CGROUPS))))
 
 
 def xla_threads(devices: int) -> int:

@@ -88,3 +88,11 @@ def test_peak_memory_where_the_system_does_not_say(monkeypatch):
 def test_versions_are_of_what_is_installed(monkeypatch):
     monkeypatch.setattr(machine, "PACKAGES", ("jax", "not-installed-anywhere"))
     assert list(machine.versions()) == ["jax"]
+
+
+@pytest.mark.parametrize(("given", "cores"), [("1", 1), ("3", 3), ("64", 4), ("", 4), ("0", 4), ("many", 4)])
+def test_a_slurm_task_has_the_cores_that_it_was_given(given, cores, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(4)))
+    monkeypatch.setattr(machine, "cpu_quota", lambda root, own: math.inf)
+    monkeypatch.setenv("SLURM_CPUS_PER_TASK", given)
+    assert machine.cores() == cores

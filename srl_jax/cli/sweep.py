@@ -101,15 +101,17 @@ def plan(asked: Arguments, rest: list[str]) -> Sweep:
     """The sweep that a command line describes: its points in packs, with the arithmetic printed."""
     from srl_jax.sweep import cost
 
-    points = []
+    points, cpus = [], cores(asked)
     for label, arguments in combinations(asked.grid, rest):
+        if not any(word.partition("=")[0] == "--devices" for word in arguments):
+            arguments = [*arguments, "--devices", str(cpus)]  # the same on every node, so that numbers are too
         _, config = run_verb.parse(list(arguments))
         if config.behaviour == "train":
             raise ValueError(
                 "behaviour is train: every pack would train it anew; train it once and give its directory."
             )
         points.append(Point(label, tuple(arguments), config))
-    cpus, chosen = cores(asked), tuple(points)
+    chosen = tuple(points)
     if asked.pack_lanes != "auto" and not asked.pack_lanes.isdecimal():
         raise ValueError(f"pack_lanes is {asked.pack_lanes!r}: give auto or a number.")
     if asked.pack_lanes == "auto":

@@ -53,7 +53,10 @@ def test_a_dry_run_prints_plan_and_script_and_writes_nothing(tmp_path, capsys):
     code, printed, _ = ended(words, capsys)
     assert code == 0 and not (tmp_path / "s").exists()
     assert "12 lanes in 3 packs of up to 4, each on 4 cores" in printed and "core hours" in printed
-    assert f"pack 00002: srl-jax run --preset smoke --seeds 6 --part 3/3 --out {tmp_path}/s/packs/00002" in printed
+    assert (
+        f"pack 00002: srl-jax run --preset smoke --seeds 6 --devices 4 --part 3/3 --out {tmp_path}/s/packs/00002"
+        in printed
+    )
     assert "#SBATCH --signal=B:USR1@120" in printed and "scontrol requeue" in printed
 
 
