@@ -31,7 +31,7 @@ class Arguments:
     grid: tuple[str, ...] = ()
     """Settings to combine that are not swept inside one program: name=value;value, such as srl.hidden=64,64;128,128."""
     pack_lanes: str = "auto"
-    """Lanes of a pack: a number, or auto (an hour's worth, as far as the memory allows)."""
+    """Lanes of a pack: a number, or auto (half an hour's worth, as far as the memory allows)."""
     cpus: int = 0
     """Cores of a task; 0: on a cluster 4, on one machine what --jobs leaves to each."""
     jobs: int = 0
@@ -115,7 +115,7 @@ def plan(asked: Arguments, rest: list[str]) -> Sweep:
     if asked.pack_lanes != "auto" and not asked.pack_lanes.isdecimal():
         raise ValueError(f"pack_lanes is {asked.pack_lanes!r}: give auto or a number.")
     if asked.pack_lanes == "auto":
-        size = cost.best_pack(chosen, cpus, min(point.config.memory_gb for point in chosen))
+        size = cost.best_pack(chosen, cpus, min(point.config.memory_gb for point in chosen), asked.jobs)
     else:
         size = int(asked.pack_lanes)
     sweep = Sweep(Path(asked.out).absolute(), manifest.split(chosen, size))

@@ -5,6 +5,7 @@ failures and preemption.
 """
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 from srl_jax.config import Config
@@ -14,7 +15,7 @@ from srl_jax.sweep.manifest import Point, Sweep, split
 LEARNING = 4.5e10  # operations per second and core that updates reach
 ACTING = 9e-6  # s per environment step and core: acting, physics, evaluations
 START = 60.0  # s of a task that are not training: imports, compiling, cloning, files
-PACK_HOURS = 1.0  # of a pack, at most: what a lost node costs at worst, and far more than starting does
+PACK_HOURS = 0.5  # of a pack, at most: longer ones leave nodes idle at the end, shorter ones start too often
 LEAST = 8  # lanes a core, below which a core is not kept busy
 METRICS_ROW = 32  # bytes, and how many an evaluation of a lane writes:
 ROWS = 30
@@ -45,13 +46,20 @@ def seconds(point: Point, lanes: float, cpus: int) -> float:
     return START + lanes * each / cpus
 
 
-def best_pack(points: tuple[Point, ...], cpus: int, limit_gb: float) -> int:
-    """Lanes of a pack: as many as take an hour and fit the memory, but enough to keep every core busy."""
-    sizes = []
+def best_pack(points: tuple[Point, ...], cpus: int, limit_gb: float, at_once: int = 0) -> int:
+    """Lanes of a pack: as many as take half an hour and fit the memory, but enough to keep every core busy.
+
+    Where it is known how many packs run at once, they are no longer than the root of 2 x start x what is left of the
+    whole sweep if nothing but training took time: then starts and idle nodes at the end together cost least.
+    """
+    sizes, longest = [], PACK_HOURS * 3600
+    if at_once > 1:
+        whole = sum((seconds(point, sum(point.lanes.values()), cpus) - START) / at_once for point in points)
+        longest = min(longest, math.sqrt(2 * START * whole))
     for point in points:
         total = sum(point.lanes.values())
         per_lane = seconds(point, 1.0, cpus) - START
-        wanted = max(LEAST * cpus, int((PACK_HOURS * 3600 - START) / per_lane))
+        wanted = max(LEAST * cpus, int((longest - START) / per_lane))
         least = -(-total // min(point.lanes.values()))  # every pack has a lane of each algorithm
         size = max(min(wanted, total), min(least, total))
         while size > least and sum(bytes_of(point, size, cpus)) > limit_gb * 2**30:
