@@ -36,7 +36,7 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
         "sweep.attempts",
         "sweep.cache",
     ),
-    *("sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
+    *("sweep.task", "sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
     *("job.plan", "job.files", "program.settings", "program.lanes"),
     *("agents.sweep", "agents.settings", "agents.registry", "env.settings", "env.anatomy", "env.damage_names"),
 )

@@ -14,6 +14,7 @@ from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.cli.signals import StopSignals
 from srl_jax.config import Config, preset
+from srl_jax.job import plan
 from srl_jax.job.files import differences, read_config
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Config) if field.name != "more")
@@ -41,21 +42,17 @@ def main(argv: list[str] | None = None) -> None:
 def _main(argv: list[str]) -> int:
     arguments, config = parse(argv)
 
-    from srl_jax.job import plan
-
-    devices = use_devices(config.devices, len(plan.make(config).lanes), solves=config.solves)
-
-    from absl import logging
+    directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
+    devices, stop = devices_of(config), StopSignals()
+    quiet()
 
     from srl_jax.cli.progress import Display
     from srl_jax.job.run import run  # jax starts here, after the devices are known
 
-    logging.set_verbosity(logging.FATAL)  # Orbax logs the traceback of every error that it also raises
-    stop = StopSignals()
     with Display() as display:
         summary = run(
             config,
-            Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}"),
+            directory,
             devices,
             exact=bool(arguments.out),
             resume=bool(arguments.resume),
@@ -67,6 +64,22 @@ def _main(argv: list[str]) -> int:
         return 128 + stop.number
     display.closing(summary)
     return 0
+
+
+def devices_of(config: Config) -> int:
+    """Sets jax up for a run, before it starts; returns the number of devices.
+
+    Raises:
+        ValueError: the configuration is not a possible one, or wants more devices than there are.
+    """
+    return use_devices(config.devices, len(plan.make(config).lanes), solves=config.solves)
+
+
+def quiet() -> None:
+    """Orbax logs the traceback of every error that it also raises; that is left out."""
+    from absl import logging
+
+    logging.set_verbosity(logging.FATAL)
 
 
 def parse(argv: list[str]) -> tuple[Arguments, Config]:

@@ -2,7 +2,7 @@
 
 import time
 
-from srl_jax.sweep import local
+from srl_jax.sweep import task
 from srl_jax.sweep.manifest import Sweep
 
 WATCH = 10.0  # s between two looks at the packs
@@ -12,7 +12,7 @@ SHOWN = 20  # lanes that are named
 
 def told(number: int, code: int) -> None:
     """One line for every pack that ends."""
-    ends = {0: "done", 2: "refused", 75: "in use elsewhere"}
+    ends = {task.DONE: "done", task.USAGE: "refused", task.IN_USE: "in use elsewhere"}
     print(f"{time.strftime('%H:%M:%S')} pack {number:05d} {ends.get(code, f'ended with code {code}')}", flush=True)
 
 
@@ -28,7 +28,7 @@ def merge(sweep: Sweep) -> int:
         summary = merging.merge(sweep)
     except lease.HeldError as error:
         print(f"Another merge is under way: {error}")
-        return local.IN_USE
+        return task.IN_USE
     about = summary["sweep"]
     console = Console(width=150)
     if summary["methods"]:

@@ -3,7 +3,6 @@
 This module imports no jax, so that lanes can be counted before devices are set up.
 """
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -43,20 +42,24 @@ def make(config: Config) -> Plan:
     algos, seeds, names = parse_algos(config.algos), parse_seeds(config.seeds), parse_damages(config)
     stages = parse_schedule(config) if config.damage_schedule else ((0, None),)
     number, parts = parse_part(config.part)
-    lanes, room = [], {}
-    for algo, first, count in shares(config, len(seeds), algos, len(names)):
+    first, own, room = 0, [], {}
+    for algo, count in counts(config).items():
         if count < parts:
             raise ValueError(f"part is {config.part!r}: {algo} has {count} lanes; make at most as many parts.")
-        own = range(first + number * count // parts, first + (number + 1) * count // parts)
-        lanes += table(config, seeds, (algo,), names, first, own)
+        own += range(first + number * count // parts, first + (number + 1) * count // parts)
         room[algo] = -(-count // parts)
-    return Plan(lanes, stages, room)
+        first += count
+    return Plan(table(config, seeds, algos, names, own), stages, room)
 
 
-def shares(config: Config, seeds: int, algos: Sequence[str], damages: int) -> list[tuple[str, int, int]]:
-    """Each algorithm with the number of its first lane and of its lanes, without making any."""
-    counts = [sum(1 for _ in variants(config.agent(algo))) * damages * seeds for algo in algos]
-    return list(zip(algos, itertools.accumulate(counts, initial=0), counts, strict=False))
+def counts(config: Config) -> dict[str, int]:
+    """How many lanes each algorithm has in all parts together; none is made.
+
+    Raises:
+        ValueError: algorithms, seeds or damages are none.
+    """
+    each = len(parse_damages(config)) * len(parse_seeds(config.seeds))
+    return {algo: sum(1 for _ in variants(config.agent(algo))) * each for algo in parse_algos(config.algos)}
 
 
 def table(
@@ -64,7 +67,6 @@ def table(
     seeds: Sequence[int],
     algos: Sequence[str],
     damages: Sequence[str],
-    first: int = 0,
     only: Sequence[int] | None = None,
 ) -> list[Lane]:
     """Every lane of a run, numbered: algorithms, their variants, damages, seeds.
@@ -74,14 +76,13 @@ def table(
         seeds: of the run.
         algos: in order.
         damages: canonical names.
-        first: number of the first lane.
         only: numbers of the lanes that are wanted; the others of a large sweep are never made.
     """
     options = [(algo, tuple(variant.items())) for algo in algos for variant in variants(config.agent(algo))]
-    every = range(first, first + len(options) * len(damages) * len(seeds))
+    every = range(len(options) * len(damages) * len(seeds))
     lanes = []
     for index in every if only is None else only:
-        place, seed = divmod(index - first, len(seeds))
+        place, seed = divmod(index, len(seeds))
         option, damage = divmod(place, len(damages))
         algo, variant = options[option]
         lanes.append(Lane(index, algo, seeds[seed], config.task, damages[damage], variant))

@@ -1,7 +1,7 @@
 """What a run tells while it goes on, and how long its parts have taken, earlier processes included."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -77,6 +77,15 @@ class Totals:
             "updates_per_second": round(updates),
             "peak_memory_gib": total.peak_memory_gib,
         }
+
+
+def together(machines: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What parts of a run took, by their entries `machine`: sums of seconds and lanes, means of rates, highest peak."""
+    sums = {name: sum(part[name] for part in machines) for name in ("lanes", "training_seconds", "compile_seconds")}
+    rates = [name for name in machines[0] if name.endswith("_per_second")]
+    means = {name: round(sum(part[name] for part in machines) / len(machines)) for name in rates}
+    peaks = [part["peak_memory_gib"] for part in machines if part["peak_memory_gib"] is not None]
+    return machines[0] | sums | means | {"peak_memory_gib": max(peaks, default=None)}
 
 
 @dataclass

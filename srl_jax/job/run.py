@@ -11,7 +11,7 @@ from srl_jax.job import checkpoint, files, memory, tables, teachers
 from srl_jax.job import plan as plans
 from srl_jax.job.loop import Loop
 from srl_jax.job.plan import Plan
-from srl_jax.job.progress import Listener, Progress
+from srl_jax.job.progress import Listener, Progress, together
 from srl_jax.program.lanes import Lane
 from srl_jax.report.curves import save_curves
 from srl_jax.report.data import read_metrics
@@ -89,18 +89,9 @@ def _in_waves(
             if loop(lanes, folder).go() is None:
                 return None
         machines.append(json.loads((folder / "summary.json").read_text())["machine"])
-    tables.join_metrics(folders, directory)
+    tables.join_metrics([(folder, 0) for folder in folders], directory)
     data = read_metrics(directory)
-    summary = summarise(data) | {"machine": _together(machines)}
+    summary = summarise(data) | {"machine": together(machines) | {"waves": len(machines)}}
     files.write_json(directory / "summary.json", summary)
     save_curves(data, directory / "curves.png")
     return summary
-
-
-def _together(machines: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What waves took one after the other: sums of seconds and lanes, means of rates, the highest peak."""
-    sums = {name: sum(wave[name] for wave in machines) for name in ("lanes", "training_seconds", "compile_seconds")}
-    rates = [name for name in machines[0] if name.endswith("_per_second")]
-    means = {name: round(sum(wave[name] for wave in machines) / len(machines)) for name in rates}
-    peaks = [wave["peak_memory_gib"] for wave in machines if wave["peak_memory_gib"] is not None]
-    return machines[0] | sums | means | {"peak_memory_gib": max(peaks, default=None), "waves": len(machines)}

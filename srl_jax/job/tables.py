@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from srl_jax.job.files import replaced
@@ -64,11 +64,22 @@ class Metrics:
                 raise
 
 
-def join_metrics(parts: Sequence[Path], into: Path) -> None:
-    """metrics.csv of a run whose lanes were trained in parts, each with a directory of its own."""
+def join_metrics(parts: Iterable[tuple[Path, int]], into: Path) -> None:
+    """metrics.csv of a run whose lanes were trained in parts, copied row by row.
+
+    Args:
+        parts: the directory of each, and what is added to the numbers of its lanes.
+        into: where the file goes.
+    """
     with replaced(into / "metrics.csv") as file:
         csv.writer(file).writerow(Metrics.HEADER)
-        for part in parts:
+        for part, first in parts:
             with (part / "metrics.csv").open(newline="") as rows:
                 next(rows)
-                file.writelines(rows)
+                file.writelines(_renumbered(rows, first) if first else rows)
+
+
+def _renumbered(rows: Iterable[str], first: int) -> Iterator[str]:
+    for row in rows:
+        step, lane, rest = row.split(",", 2)
+        yield f"{step},{int(lane) + first},{rest}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,8 +14,6 @@ from srl_jax.report import style
 from srl_jax.report.data import Group, RunData
 from srl_jax.report.style import STYLE
 from srl_jax.report.summary import lane_scores
-
-NUMBER = re.compile(r"[-+0-9.e]+$")
 
 
 class Entry(NamedTuple):
@@ -60,8 +58,12 @@ def _entry(
     return Entry(algo, setting, value, values.size, float(statistics.iqm(values)), float(low), float(high))
 
 
-def _order(value: str) -> tuple[int, float, str]:
-    return (0, float(value), "") if NUMBER.match(value) else (1, 0.0, value)
+def _order(value: str) -> tuple[float, str]:
+    """Numbers by size, then words."""
+    try:
+        return float(value), ""
+    except ValueError:
+        return math.inf, value
 
 
 def save_figure(found: Sequence[Entry], path: str | Path, label: str) -> None:

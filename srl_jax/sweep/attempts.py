@@ -12,6 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from srl_jax.sweep import lease
+from srl_jax.sweep.manifest import Pack
+
 NAME, LEASE = "attempts.jsonl", "lease"
 JOBS = (("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID"), ("SLURM_JOB_ID",), ("RAY_JOB_ID",))  # first that is set
 RESTARTS = "SLURM_RESTART_COUNT"
@@ -27,7 +30,7 @@ class Fate:
     attempts: int = 0
     error: str = ""  # the last line of what went wrong
     host: str = ""
-    began: str = ""
+    began: str = ""  # when it was first begun
 
 
 def job() -> str:
@@ -71,20 +74,18 @@ def read(directory: Path) -> list[dict[str, Any]]:
     return found
 
 
-def fate(directory: Path, pack: Path) -> Fate:
-    """How a pack stands, by its files: done where it has a summary, running while its lease is held."""
-    lines = read(directory)
+def fate(pack: Pack) -> Fate:
+    """How a pack stands, by its files: done with a summary, running while somebody who lives holds its lease."""
+    lines = read(pack.task)
     begun = [line for line in lines if "host" in line]
-    last = begun[-1] if begun else {}
-    ended = [line for line in lines if "exit" in line]
-    about = {"attempts": len(begun), "host": last.get("host", ""), "began": last.get("at", "")}
-    if (pack / "summary.json").exists():
-        return Fate("done", **about)
-    if (directory / LEASE).exists():
-        return Fate("running", **about)
     if not begun:
-        return Fate("waiting")
-    if lines and "exit" in lines[-1]:
-        state: State = "waiting" if lines[-1]["exit"] > 128 else "failed"
-        return Fate(state, error=ended[-1].get("error", ""), **about)
-    return Fate("cut off", error="it ended without a word: killed, or its machine was lost", **about)
+        return Fate("done" if pack.done else "waiting")
+    about = {"attempts": len(begun), "host": begun[-1]["host"], "began": begun[0]["at"]}
+    if pack.done:
+        return Fate("done", **about)
+    if lease.lives(pack.task / LEASE):
+        return Fate("running", **about)
+    if "exit" not in lines[-1]:
+        return Fate("cut off", error="it ended without a word: killed, or its machine was lost", **about)
+    stopped = lines[-1]["exit"] > 128
+    return Fate("waiting" if stopped else "failed", error=lines[-1]["error"], **about)

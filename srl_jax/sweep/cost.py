@@ -6,6 +6,7 @@ failures and preemption.
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from srl_jax.config import Config
@@ -17,8 +18,7 @@ ACTING = 9e-6  # s per environment step and core: acting, physics, evaluations
 START = 60.0  # s of a task that are not training: imports, compiling, cloning, files
 PACK_HOURS = 0.5  # of a pack, at most: longer ones leave nodes idle at the end, shorter ones start too often
 LEAST = 8  # lanes a core, below which a core is not kept busy
-METRICS_ROW = 32  # bytes, and how many an evaluation of a lane writes:
-ROWS = 30
+EVALUATION = 2 * 30 * 32  # bytes of a lane's evaluation: some 30 rows of metrics.csv, in the pack and merged
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def seconds(point: Point, lanes: float, cpus: int) -> float:
     return START + lanes * each / cpus
 
 
-def best_pack(points: tuple[Point, ...], cpus: int, limit_gb: float, at_once: int = 0) -> int:
+def best_pack(points: Sequence[Point], cpus: int, limit_gb: float, at_once: int = 0) -> int:
     """Lanes of a pack: as many as take half an hour and fit the memory, but enough to keep every core busy.
 
     Where it is known how many packs run at once, they are no longer than the root of 2 x start x what is left of the
@@ -70,8 +70,8 @@ def best_pack(points: tuple[Point, ...], cpus: int, limit_gb: float, at_once: in
 
 def bytes_of(point: Point, pack_lanes: int, cpus: int) -> memory.Bytes:
     """What a pack of so many lanes allocates."""
-    part = split((dataclasses.replace(point, parts=1),), pack_lanes)[0].parts
-    config = dataclasses.replace(point.config, part=f"1/{part}")
+    parts = split([point], pack_lanes)[0].parts
+    config = dataclasses.replace(point.config, part=f"1/{parts}")
     return memory.needed(config, plan.make(config).lanes, cpus)
 
 
@@ -87,7 +87,7 @@ def cost(sweep: Sweep, cpus: int) -> Cost:
         needs = bytes_of(point, size, cpus)
         pack_bytes = max(pack_bytes, sum(needs))
         evaluations = point.config.steps // point.config.train.evaluate_every + 2
-        disk += total * evaluations * ROWS * METRICS_ROW * 2 + needs.checkpoint * point.parts
+        disk += total * evaluations * EVALUATION + needs.checkpoint * point.parts
     return Cost(lanes, len(sweep), largest, longest, pack_bytes, hours, disk)
 
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+UNREADABLE = "unreadable"  # stands for the token of a lease that has none
 BEAT, PATIENCE = 10.0, 90.0  # s; NFS may show what others wrote up to a minute late
 
 
@@ -41,10 +42,14 @@ def held(path: Path, *, beat: float = BEAT, patience: float = PATIENCE) -> Itera
 
     def touch() -> None:
         while not done.wait(beat):
-            if owner(path).get("token") != token:
-                return lost.set()
-            with contextlib.suppress(OSError):  # a file server that is away for a while; others wait for patience
+            try:
+                if _read(path).get("token") != token:
+                    return lost.set()
                 os.utime(path)
+            except FileNotFoundError:
+                return lost.set()
+            except OSError:  # the file server is away for a while; others wait for patience
+                continue
         return None
 
     beating = threading.Thread(target=touch, daemon=True)
@@ -69,8 +74,8 @@ def acquire(path: Path, token: str, patience: float) -> None:
         found = owner(path)
         if not found:
             time.sleep(min(0.05, patience))  # it is being written, or was given back just now
-            if not owner(path) and path.exists() and _untouched(path, patience):
-                _bury(path, "unreadable", token, patience)
+            unreadable = not owner(path) and path.exists() and _untouched(path, patience)
+            if unreadable and _bury(path, UNREADABLE, token, patience):
                 return
             continue
         if not _died_here(found) and not _untouched(path, patience):
@@ -84,10 +89,35 @@ def acquire(path: Path, token: str, patience: float) -> None:
 def owner(path: Path) -> dict[str, Any]:
     """Who holds a lease: token, host, pid, job; empty if nobody does."""
     try:
-        found = json.loads(path.read_text())
-        return found if isinstance(found, dict) and "token" in found else {}
-    except (OSError, ValueError):
+        return _read(path)
+    except OSError:
         return {}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text())
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) and "token" in found else {}
+
+
+def lives(path: Path, patience: float = PATIENCE) -> bool:
+    """Whether a lease is held by somebody who lives, as far as one look tells.
+
+    Its last touch is compared with one that is made now, so that both are by the clock of the file server.
+    """
+    found = owner(path)
+    if not found or _died_here(found):
+        return False
+    probe = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
+    try:
+        probe.touch()
+        return probe.stat().st_mtime - path.stat().st_mtime < patience
+    except FileNotFoundError:
+        return False  # it was given back just now
+    finally:
+        probe.unlink(missing_ok=True)
 
 
 def _text(token: str) -> str:
@@ -117,7 +147,7 @@ def _bury(path: Path, dead: str, token: str, patience: float) -> bool:
         grave.unlink(missing_ok=True)  # whoever dug it died in it
         return False
     try:
-        if owner(path).get("token", "unreadable") != dead:
+        if owner(path).get("token", UNREADABLE) != dead:
             return False
         own = path.with_name(f"{path.name}.{token}")
         own.write_text(_text(token))

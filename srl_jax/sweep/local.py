@@ -2,60 +2,34 @@
 
 import os
 import subprocess
-import sys
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from srl_jax import machine
-from srl_jax.sweep import attempts
+from srl_jax.sweep import task
 from srl_jax.sweep.manifest import Sweep
+from srl_jax.sweep.task import Order
 
-IN_USE = 75  # EX_TEMPFAIL: another process works on the pack
-USAGE = 2  # bad input: it would fail again
 POLL = 0.2
 
 
-def command(directory: Path, number: int) -> list[str]:
-    """What a task runs, by whichever engine."""
-    return [sys.executable, "-m", "srl_jax.sweep", "--out", str(directory), "--run-pack", str(number)]
+def run(order: Order) -> None:
+    """Works through the order.
 
-
-def unfinished(sweep: Sweep) -> list[int]:
-    """The packs without a summary."""
-    return [pack.number for pack in sweep.packs() if not (pack.directory / "summary.json").exists()]
-
-
-def run(
-    sweep: Sweep,
-    *,
-    cpus: int,
-    jobs: int,
-    retries: int,
-    stopped: Callable[[], bool] = lambda: False,
-    told: Callable[[int, int], None] = lambda number, code: None,
-) -> list[int]:
-    """Works on every unfinished pack until it is done or has failed for good; returns those that are not done.
-
-    Args:
-        sweep: whose manifest is written.
-        cpus: cores of a task.
-        jobs: tasks at once.
-        retries: further attempts at a pack that failed, none where its input is bad.
-        stopped: asked now and then; once True, running tasks are asked to save and no other is begun.
-        told: called with the number of each pack that ends and its exit code.
+    Raises:
+        ValueError: it wants more cores than there are.
     """
-    slots, cores = deque(range(jobs)), core_sets(cpus, jobs)
-    waiting = deque((number, retries) for number in unfinished(sweep))
+    slots, cores = deque(range(order.jobs)), core_sets(order.cpus, order.jobs)
+    waiting = deque((number, order.retries) for number in order.sweep.unfinished())
     running: dict[int, tuple[subprocess.Popen, int, int]] = {}
     asked = False
     while running or (waiting and not asked):
-        while waiting and slots and not stopped():
+        while waiting and slots and not order.stopped():
             number, left = waiting.popleft()
             slot = slots.popleft()
-            running[number] = _start(sweep, number, cores[slot]), slot, left
-        if stopped() and not asked:
+            running[number] = _start(order.sweep, number, cores[slot]), slot, left
+        if order.stopped() and not asked:
             asked = True
             for process, _, _ in running.values():
                 process.terminate()
@@ -65,11 +39,10 @@ def run(
                 continue
             del running[number]
             slots.append(slot)
-            told(number, code)
-            if code not in (0, USAGE, IN_USE) and left and not asked:
+            order.told(number, code)
+            if task.may_succeed(code) and left and not asked:
                 waiting.append((number, left - 1))
         time.sleep(POLL)
-    return unfinished(sweep)
 
 
 def core_sets(cpus: int, jobs: int) -> Sequence[set[int] | None]:
@@ -90,18 +63,8 @@ def core_sets(cpus: int, jobs: int) -> Sequence[set[int] | None]:
 
 
 def _start(sweep: Sweep, number: int, cores: set[int] | None) -> subprocess.Popen:
-    log = sweep.task_directory(number) / "log"
+    log = sweep.pack(number).task / "log"
     log.parent.mkdir(parents=True, exist_ok=True)
     # A group of its own, so that Ctrl-C reaches it once: by this process.
     with log.open("ab") as file:
-        process = subprocess.Popen(
-            command(sweep.directory, number), stdout=file, stderr=subprocess.STDOUT, process_group=0
-        )
-    if cores is not None:
-        os.sched_setaffinity(process.pid, cores)  # before it has any thread but its first
-    return process
-
-
-def state_of(sweep: Sweep, number: int) -> attempts.Fate:
-    """How a pack stands."""
-    return attempts.fate(sweep.task_directory(number), sweep.pack(number).directory)
+        return task.begin(sweep.directory, number, cores, stdout=file, stderr=subprocess.STDOUT, process_group=0)

@@ -10,7 +10,7 @@ import json
 import shlex
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ class Point:
     @cached_property
     def lanes(self) -> dict[str, int]:
         """How many lanes each algorithm has, none of which is made."""
-        return count_lanes(self.config)
+        return plan.counts(self.config)
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,12 @@ class Pack:
     directory: Path
     config: Config
     arguments: tuple[str, ...]
+    task: Path  # where its lease and attempts are recorded
+
+    @property
+    def done(self) -> bool:
+        """Whether it has been trained: the summary is the last file that a run writes but its curves."""
+        return (self.directory / "summary.json").exists()
 
     @property
     def command(self) -> str:
@@ -57,6 +63,7 @@ class Sweep:
 
     directory: Path
     points: tuple[Point, ...]
+    engine: dict[str, Any] = field(default_factory=dict)  # options with which it is resumed where no others are given
 
     @cached_property
     def _ends(self) -> list[int]:
@@ -73,36 +80,24 @@ class Sweep:
         """
         if not 0 <= number < len(self):
             raise ValueError(f"run-pack is {number}: this sweep has the packs 0 to {len(self) - 1}.")
-        place = bisect_right(self._ends, number)
+        place = self.point_of(number)
         point, first = self.points[place], self._ends[place] - self.points[place].parts
         part = f"{number - first + 1}/{point.parts}"
         config = dataclasses.replace(point.config, part=part)
-        return Pack(number, self.directory / "packs" / f"{number:05d}", config, (*point.arguments, "--part", part))
+        folder, task = (self.directory / kind / f"{number:05d}" for kind in ("packs", "tasks"))
+        return Pack(number, folder, config, (*point.arguments, "--part", part), task)
 
     def packs(self) -> Iterator[Pack]:
         """Every pack."""
         return map(self.pack, range(len(self)))
 
-    def of_point(self, place: int) -> range:
-        """The numbers of a point's packs."""
-        return range(self._ends[place] - self.points[place].parts, self._ends[place])
+    def unfinished(self) -> list[int]:
+        """The numbers of the packs that are not done."""
+        return [pack.number for pack in self.packs() if not pack.done]
 
-    def task_directory(self, number: int) -> Path:
-        """Where a pack's lease and attempts are recorded."""
-        return self.directory / "tasks" / f"{number:05d}"
-
-
-def count_lanes(config: Config) -> dict[str, int]:
-    """How many lanes each algorithm of a configuration has.
-
-    Raises:
-        ValueError: it is not a possible one.
-    """
-    whole = dataclasses.replace(config, part="")
-    plan.check(whole)
-    seeds, algos = plan.parse_seeds(whole.seeds), plan.parse_algos(whole.algos)
-    damages = plan.parse_damages(whole)
-    return {algo: count for algo, _, count in plan.shares(whole, len(seeds), algos, len(damages))}
+    def point_of(self, number: int) -> int:
+        """The place of a pack's point in the grid; its packs share one program."""
+        return bisect_right(self._ends, number)
 
 
 def split(points: Sequence[Point], pack_lanes: int) -> tuple[Point, ...]:
@@ -150,7 +145,7 @@ def write(sweep: Sweep) -> None:
         for point in sweep.points
     ]
     packs = {f"{pack.number:05d}": pack.command for pack in sweep.packs()}
-    files.write_json(path, {"points": points, "packs": packs})
+    files.write_json(path, {"engine": sweep.engine, "points": points, "packs": packs})
 
 
 def read(directory: Path) -> Sweep:
@@ -166,11 +161,12 @@ def read(directory: Path) -> Sweep:
             Point(x["label"], tuple(x["arguments"]), files.config_of(x["config"], path), int(x["parts"]))
             for x in stored["points"]
         ]
+        engine = dict(stored["engine"])
     except FileNotFoundError:
         raise ValueError(f"{directory} is not the directory of a sweep: it has no {NAME}.") from None
     except (LookupError, TypeError, ValueError) as error:
         raise ValueError(f"{path} cannot be read as a sweep of this version: {error}") from error
-    return Sweep(directory, tuple(points))
+    return Sweep(directory, tuple(points), engine)
 
 
 def refuse_other(old: Sweep, new: Sweep) -> None:

@@ -12,12 +12,14 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-from srl_jax.job import files
+from srl_jax.job.files import read_parts, write_json
+from srl_jax.job.progress import together
+from srl_jax.job.tables import join_metrics
 from srl_jax.report import sensitivity
 from srl_jax.report.complete import complete
 from srl_jax.report.curves import save_curves
 from srl_jax.report.data import RunData, read_metrics
-from srl_jax.report.files import METRICS_HEADER, Lane, read_lanes
+from srl_jax.report.files import Lane, read_lanes
 from srl_jax.report.summary import summarise
 from srl_jax.sweep import attempts, lease
 from srl_jax.sweep.manifest import Point, Sweep
@@ -35,7 +37,8 @@ def merge(sweep: Sweep) -> dict[str, Any]:
         ValueError: no pack is done.
         lease.HeldError: another merge is under way.
     """
-    done = [pack.number for pack in sweep.packs() if (pack.directory / "summary.json").exists()]
+    missing = set(sweep.unfinished())
+    done = [number for number in range(len(sweep)) if number not in missing]
     if not done:
         raise ValueError(f"{sweep.directory} has nothing to merge yet: none of its {len(sweep)} packs is done.")
     target, fresh = sweep.directory / "merged", sweep.directory / "merged.partial"
@@ -44,7 +47,7 @@ def merge(sweep: Sweep) -> dict[str, Any]:
         fresh.mkdir()
         copy(sweep, done, fresh)
         summary = describe(sweep, done, fresh)
-        files.write_json(fresh / "summary.json", summary)
+        write_json(fresh / "summary.json", summary)
         shutil.rmtree(target, ignore_errors=True)
         fresh.rename(target)
     return summary
@@ -53,19 +56,15 @@ def merge(sweep: Sweep) -> dict[str, Any]:
 def copy(sweep: Sweep, done: Sequence[int], into: Path) -> None:
     """lanes.csv, metrics.csv and config.json of all lanes of the packs that are done, one line at a time."""
     starts = [0, *accumulate(sum(point.lanes.values()) for point in sweep.points)]
-    wanted = set(done)
-    with (into / "lanes.csv").open("w", newline="") as lanes, (into / "metrics.csv").open("w", newline="") as metrics:
-        table = csv.DictWriter(lanes, list(Lane.__annotations__))
+    parts = [(sweep.pack(number).directory, sweep.point_of(number)) for number in done]
+    with (into / "lanes.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, list(Lane.__annotations__))
         table.writeheader()
-        csv.writer(metrics).writerow(METRICS_HEADER)
-        for place, point in enumerate(sweep.points):
-            for number in sorted(wanted.intersection(sweep.of_point(place))):
-                pack = sweep.pack(number).directory
-                table.writerows(renamed(lane, point, starts[place]) for lane in read_lanes(pack))
-                _copy_metrics(pack / "metrics.csv", metrics, starts[place])
-    config = asdict(sweep.points[0].config)
-    parts = [part for number in done for part in files.read_parts(sweep.pack(number).directory)]
-    files.write_json(into / "config.json", {"config": config, "parts": parts})
+        for folder, place in parts:
+            table.writerows(renamed(lane, sweep.points[place], starts[place]) for lane in read_lanes(folder))
+    join_metrics([(folder, starts[place]) for folder, place in parts], into)
+    stored = {"config": asdict(sweep.points[0].config), "parts": [x for folder, _ in parts for x in read_parts(folder)]}
+    write_json(into / "config.json", stored)
 
 
 def renamed(lane: Lane, point: Point, first: int) -> Lane:
@@ -74,41 +73,27 @@ def renamed(lane: Lane, point: Point, first: int) -> Lane:
     return {**lane, "lane": lane["lane"] + first, "variant": variant}
 
 
-def _copy_metrics(source: Path, into: Any, first: int) -> None:
-    with source.open(newline="") as rows:
-        next(rows)
-        if not first:
-            into.writelines(row for row in rows if row.endswith("\n"))
-            return
-        for row in rows:
-            step, lane, rest = row.split(",", 2)
-            into.write(f"{step},{int(lane) + first},{rest}")
-
-
 def describe(sweep: Sweep, done: Sequence[int], folder: Path) -> dict[str, Any]:
     """The summary of what was merged; draws the curves, and a figure of what was swept."""
     whole = read_metrics(folder)
     run, left_out = complete(whole)
-    missing = {
-        number: attempts.fate(sweep.task_directory(number), sweep.pack(number).directory)
-        for number in sorted(set(range(len(sweep))) - set(done))
-    }
+    missing = [sweep.pack(number) for number in sweep.unfinished()]
+    summaries = [json.loads((sweep.pack(number).directory / "summary.json").read_text()) for number in done]
     about: dict[str, Any] = {
         "packs": len(sweep),
         "merged": len(done),
-        "missing": [{"pack": number, **asdict(fate)} for number, fate in list(missing.items())[:SHOWN]],
+        "missing": [{"pack": pack.number, **asdict(attempts.fate(pack))} for pack in missing[:SHOWN]],
         "left_out": left_out,
-        "machine": together(
-            [json.loads((sweep.pack(n).directory / "summary.json").read_text())["machine"] for n in done]
-        ),
     }
+    machine = together([summary["machine"] for summary in summaries])
     if not run.lanes:
-        return {"task": whole.task, "methods": {}, "nonfinite_lanes": [], "sweep": about | {"complete": False}}
+        nothing = {"task": whole.task, "methods": {}, "nonfinite_lanes": []}
+        return nothing | {"machine": machine, "sweep": about | {"complete": False}}
     summary = summarise(run)
     about["complete"] = not missing and not summary["nonfinite_lanes"]
     save_curves(run, folder / "curves.png")
     _sensitivity(run, folder, about)
-    return summary | {"sweep": about}
+    return summary | {"machine": machine, "sweep": about}
 
 
 def _sensitivity(run: RunData, folder: Path, about: dict[str, Any]) -> None:
@@ -117,12 +102,3 @@ def _sensitivity(run: RunData, folder: Path, about: dict[str, Any]) -> None:
         about["sensitivity"] = [entry._asdict() for entry in found]
         label = "area under success" if run.task == "p2p" else "area under return"
         sensitivity.save_figure(found, folder / "sensitivity.png", label)
-
-
-def together(machines: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What all packs took: lanes and seconds added, the highest peak of memory."""
-    peaks = [machine["peak_memory_gib"] for machine in machines if machine.get("peak_memory_gib") is not None]
-    sums = {
-        name: sum(machine[name] for machine in machines) for name in ("lanes", "training_seconds", "compile_seconds")
-    }
-    return sums | {"peak_memory_gib": max(peaks, default=None)}

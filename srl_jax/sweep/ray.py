@@ -5,76 +5,54 @@ A task is the same process as under every other engine, beside Ray's own worker,
 
 import contextlib
 import os
-import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from srl_jax import machine
-from srl_jax.sweep.local import IN_USE, USAGE, command, unfinished
-from srl_jax.sweep.manifest import Sweep
+from srl_jax.sweep import task
+from srl_jax.sweep.task import Order
 
 POLL = 1.0  # s
 NAME = "srl_jax-cores"  # of the files that say which cores of a node are taken
 
 
-def run(
-    sweep: Sweep,
-    *,
-    cpus: int,
-    jobs: int,
-    retries: int,
-    stopped: Callable[[], bool] = lambda: False,
-    told: Callable[[int, int], None] = lambda number, code: None,
-    address: str = "",
-) -> list[int]:
-    """As `local.run`, on an existing cluster (`address`) or, without one, on one that is started here.
-
-    Args:
-        sweep: whose manifest is written, in a directory that every node sees.
-        cpus: cores of a task.
-        jobs: ignored: as many tasks run at once as there are cores for.
-        retries: further attempts at a pack whose node or process was lost, or that failed.
-        stopped: asked now and then; once True, running tasks are asked to save.
-        told: called with the number of each pack that ends and its exit code.
-        address: of the cluster.
+def run(order: Order, address: str = "") -> None:
+    """Works through the order on the cluster of an address, or on one started here; Ray decides how many run at once.
 
     Raises:
         ValueError: Ray is not installed, or there is no such cluster.
     """
-    del jobs
     ray = _started(address)
-    task = ray.remote(num_cpus=cpus, max_retries=retries, retry_exceptions=True)(work)
-    waiting = {task.remote(str(sweep.directory), number, cpus): number for number in unfinished(sweep)}
+    remote = ray.remote(num_cpus=order.cpus, max_retries=order.retries, retry_exceptions=True)(work)
+    directory = str(order.sweep.directory)
+    waiting = {remote.remote(directory, number, order.cpus): number for number in order.sweep.unfinished()}
     asked = False
     try:
         while waiting:
             done, _ = ray.wait(list(waiting), timeout=POLL)
             for reference in done:
-                told(waiting.pop(reference), _code(ray, reference))
-            if stopped() and not asked:
+                order.told(waiting.pop(reference), _code(ray, reference))
+            if order.stopped() and not asked:
                 asked = True
                 for reference in waiting:
                     ray.cancel(reference, force=False)
     finally:
         ray.shutdown()
-    return unfinished(sweep)
 
 
 def work(directory: str, number: int, cpus: int) -> int:
     """One task on a node: the pack's process on cores of its own. An error makes Ray try again."""
     with own_cores(cpus) as cores:
-        process = subprocess.Popen(command(Path(directory), number))
+        process = task.begin(Path(directory), number, cores)
         try:
-            if cores and hasattr(os, "sched_setaffinity"):
-                os.sched_setaffinity(process.pid, cores)
             code = process.wait()
         except BaseException:  # cancelled: it saves before it ends
             process.terminate()
             process.wait()
             raise
-    if code not in (0, USAGE, IN_USE):
+    if task.may_succeed(code):
         raise RuntimeError(f"pack {number} ended with code {code}")
     return code
 

@@ -5,11 +5,11 @@ import shlex
 import shutil
 import socket
 import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from srl_jax.sweep import task
 from srl_jax.sweep.manifest import Sweep
 
 WARNING = 120  # s before the time limit at which a task is asked to save
@@ -87,7 +87,7 @@ def array_script(sweep: Sweep, options: Options) -> str:
     return SCRIPT.format(
         options=_options(lines, options),
         warning=WARNING,
-        command=shlex.join([sys.executable, "-m", "srl_jax.sweep"]),
+        command=shlex.join(task.PROGRAM),
         directory=shlex.quote(str(sweep.directory)),
         retries=options.retries,
     )
@@ -103,7 +103,7 @@ def merge_script(sweep: Sweep, options: Options) -> str:
     }
     return MERGE.format(
         options=_options(lines, options),
-        command=shlex.join([sys.executable, "-m", "srl_jax.sweep"]),
+        command=shlex.join(task.PROGRAM),
         directory=shlex.quote(str(sweep.directory)),
     )
 
@@ -140,8 +140,10 @@ def submit(sweep: Sweep, numbers: Sequence[int], options: Options) -> list[str]:
     """Hands the packs and, after them, the merge to Slurm; returns the numbers of the jobs, the merge's last.
 
     Raises:
-        ValueError: Slurm refuses; the message is its own.
+        ValueError: jobs of the sweep are still in the queue, or Slurm refuses; then the message is its own.
     """
+    if there := submitted(sweep):
+        raise ValueError(f"{sweep.directory} has jobs in the queue ({' '.join(there)}): wait for them, or --cancel.")
     folder = sweep.directory / "slurm"
     folder.mkdir(exist_ok=True)
     (folder / "pack.sh").write_text(array_script(sweep, options))
@@ -157,10 +159,17 @@ def submit(sweep: Sweep, numbers: Sequence[int], options: Options) -> list[str]:
     return [*jobs, merge]
 
 
-def cancel(sweep: Sweep) -> list[str]:
-    """Cancels every job of the sweep that Slurm still knows; tasks save first."""
+def submitted(sweep: Sweep) -> list[str]:
+    """The jobs of the sweep that Slurm has not yet finished with."""
     path = sweep.directory / "slurm" / "jobs"
-    jobs = path.read_text().split() if path.exists() else []
+    own = set(path.read_text().split()) if path.exists() else set()
+    known = _said(["squeue", "--noheader", "--me", "--format=%F"]).split() if own else []
+    return sorted(own.intersection(known), key=int)
+
+
+def cancel(sweep: Sweep) -> list[str]:
+    """Cancels what Slurm has not yet finished with; tasks save first."""
+    jobs = submitted(sweep)
     if jobs:
         _said(["scancel", "--quiet", *jobs])
     return jobs

@@ -24,13 +24,12 @@ def status(sweep: Sweep, now: datetime | None = None) -> Status:
     """Reads how every pack stands; what is left is reckoned from the packs that were done since the first began."""
     found, began, ended = Status(), [], []
     for pack in sweep.packs():
-        folder = sweep.task_directory(pack.number)
-        fate = attempts.fate(folder, pack.directory)
+        fate = attempts.fate(pack)
         found.counts[fate.state] += 1
         if fate.state in ("failed", "cut off"):
             found.troubled.append((pack.number, fate))
         if fate.began:
-            began.append(datetime.fromisoformat(attempts.read(folder)[0]["at"]))
+            began.append(datetime.fromisoformat(fate.began))
         if fate.state == "done":
             ended.append(pack.number)
     if ended and began:

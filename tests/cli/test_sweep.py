@@ -25,6 +25,9 @@ REFUSED = {
     "behaviour is train: every pack would train it anew": ["--behaviour", "train"],
     "cpus is 64 and jobs 1: together they want 64 cores": ["--cpus", "64"],
     "engine is slurm: no sbatch is on the PATH": ["--engine", "slurm", "--cpus", "1"],
+    "grid has task: its points could not stand in one table": ["--grid", "task=x;p2p"],
+    "grid has train: its points could not stand in one table": ["--grid", "train.evaluate-every=400;800"],
+    "behaviour is train: every": ["--behaviour", "gait,train"],
     "a pack needs 1.": ["--memory-gb", "0.9", "--pack-lanes", "4"],
 }
 
@@ -102,3 +105,19 @@ def test_it_is_among_the_verbs(capsys):
     with pytest.raises(SystemExit):
         srl_jax(["--help"])
     assert "sweep" in capsys.readouterr().out
+
+
+def test_a_sweep_is_resumed_as_it_was_begun_but_for_what_is_said_anew(tmp_path, capsys, monkeypatch):
+    orders = []
+    monkeypatch.setattr(sweep.local, "run", orders.append)
+    monkeypatch.setattr(sweep, "merge", lambda made: 0)
+    out = ["--out", str(tmp_path / "s")]
+    assert ended([*SMOKE, *out, "--cpus", "1", "--retries", "7", "--plan-only"], capsys)[0] == 0
+    assert ended([*out, "--resume"], capsys)[0] == 0
+    assert ended([*out, "--resume", "--retries", "1"], capsys)[0] == 0
+    assert [(order.cpus, order.jobs, order.retries) for order in orders] == [(1, 1, 7), (1, 1, 1)]
+
+
+def test_slurm_is_told_how_much_memory_a_pack_needs(tmp_path, capsys):
+    words = [*SMOKE, "--out", str(tmp_path / "s"), "--engine", "slurm", "--cpus", "1", "--dry-run"]
+    assert "#SBATCH --mem=12" in ended(words, capsys)[1], "a GiB and a quarter for so small a pack"

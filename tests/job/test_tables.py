@@ -43,6 +43,7 @@ def test_metrics_of_parts_are_joined_in_order_under_one_header(tmp_path):
     for number in (1, 2):
         (tmp_path / str(number)).mkdir()
         tables.Metrics(tmp_path / str(number)).write([(0, number, "eval/return", number / 2)])
-    tables.join_metrics([tmp_path / "1", tmp_path / "2"], tmp_path)
-    rows = (tmp_path / "metrics.csv").read_text().splitlines()
-    assert rows == ["step,lane,metric,value", "0,1,eval/return,0.5", "0,2,eval/return,1"]
+    for first, second in ((0, 2), (40, 42)):
+        tables.join_metrics([(tmp_path / "1", 0), (tmp_path / "2", first)], tmp_path)
+        rows = (tmp_path / "metrics.csv").read_text().splitlines()
+        assert rows == ["step,lane,metric,value", "0,1,eval/return,0.5", f"0,{second},eval/return,1"]

@@ -30,9 +30,9 @@ def value(lane, step: int, point: int = 0) -> float:
 
 def finish(sweep: Sweep, number: int, *, broken: bool = False) -> None:
     """Leaves the files of a pack that has been trained; a broken one has a lane that was not finite."""
-    pack, point = sweep.pack(number), next(k for k in range(len(sweep.points)) if number in sweep.of_point(k))
+    pack, point = sweep.pack(number), sweep.point_of(number)
     pack.directory.mkdir(parents=True)
-    attempts.begin(sweep.task_directory(number))
+    attempts.begin(pack.task)
     lanes = plan.make(pack.config).lanes
     files.write_config(pack.directory, pack.config, 1)
     tables.write_lanes(pack.directory, lanes)
@@ -46,4 +46,4 @@ def finish(sweep: Sweep, number: int, *, broken: bool = False) -> None:
             metrics.write(rows)
     machine = MACHINE | {"lanes": len(lanes)}
     (pack.directory / "summary.json").write_text(json.dumps({"machine": machine}))
-    attempts.end(sweep.task_directory(number), 0)
+    attempts.end(pack.task, 0)

@@ -1,35 +1,63 @@
 """How a pack stands, told from its files alone."""
 
+import json
+import os
+import socket
+import time
+
 import pytest
 
+from srl_jax.config import Config
 from srl_jax.sweep import attempts
+from srl_jax.sweep.manifest import Pack
 
 
-def write(tmp_path, *ends, lease=False, done=False):
+def pack_of(folder):
+    return Pack(0, folder, Config(), (), folder)
+
+
+def write(folder, *ends, lease="", done=False):
+    """The pack's files: an attempt for each end, None for one that has none yet."""
     for end in ends:
-        attempts.begin(tmp_path)
+        attempts.begin(folder)
         if end is not None:
-            attempts.end(tmp_path, *end)
+            attempts.end(folder, *end)
     if lease:
-        (tmp_path / attempts.LEASE).touch()
+        about = {"token": "x", "host": lease, "pid": 1, "began": ""}
+        (folder / attempts.LEASE).write_text(json.dumps(about))
     if done:
-        (tmp_path / "summary.json").touch()
-    return attempts.fate(tmp_path, tmp_path)
+        (folder / "summary.json").touch()
+    return attempts.fate(pack_of(folder))
 
 
-def test_fates(tmp_path):
-    ends = {
-        "never": ([], {}, "waiting"),
-        "now": ([None], {"lease": True}, "running"),
-        "killed": ([None], {}, "cut off"),
-        "stopped": ([(143, "stopped and saved")], {}, "waiting"),
-        "bad": ([(2, "seeds is x")], {}, "failed"),
-        "again": ([(1, "disk full"), None], {"lease": True}, "running"),
-        "done": ([(1, "disk full"), (0, "")], {"done": True}, "done"),
-    }
-    for name, (lines, facts, state) in ends.items():
-        found = write(tmp_path / name, *lines, **facts) if lines else attempts.fate(tmp_path / name, tmp_path / name)
-        assert found.state == state and found.attempts == len(lines), name
+FATES = {
+    "never begun": ([], {}, "waiting"),
+    "now": ([None], {"lease": "elsewhere"}, "running"),
+    "its machine was lost": ([None], {}, "cut off"),
+    "stopped": ([(143, "stopped and saved")], {}, "waiting"),
+    "bad input": ([(2, "seeds is x")], {}, "failed"),
+    "tried again": ([(1, "disk full"), None], {"lease": "elsewhere"}, "running"),
+    "done": ([(1, "disk full"), (0, "")], {"done": True}, "done"),
+}
+
+
+@pytest.mark.parametrize("name", FATES)
+def test_fates(name, tmp_path):
+    ends, facts, state = FATES[name]
+    found = write(tmp_path, *ends, **facts)
+    assert (found.state, found.attempts) == (state, len(ends))
+    assert found.error == (ends[-1][1] if state in ("failed", "waiting") and ends else found.error)
+
+
+def test_the_lease_of_a_process_that_was_killed_here_says_nothing(tmp_path):
+    assert write(tmp_path, None, lease=socket.gethostname()).state == "cut off"
+
+
+def test_a_lease_that_nobody_touches_any_more_says_nothing(tmp_path):
+    assert write(tmp_path, None, lease="elsewhere").state == "running"
+    os.utime(tmp_path / attempts.LEASE, (time.time() - 3600,) * 2)
+    assert attempts.fate(pack_of(tmp_path)).state == "cut off"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["attempts.jsonl", "lease"], "a look leaves nothing"
 
 
 def test_the_last_line_of_an_error_is_kept(tmp_path):

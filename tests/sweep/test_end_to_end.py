@@ -86,10 +86,10 @@ def test_what_is_done_is_left_at_once(swept):
 def test_a_pack_in_use_is_left_to_whoever_has_it(tmp_path, capsys, monkeypatch):
     sweep = packs.planned(tmp_path / "s")
     monkeypatch.setattr(lease.held.__wrapped__, "__kwdefaults__", {"beat": 0.05, "patience": 0.5})
-    with lease.held(sweep.task_directory(1) / attempts.LEASE):
+    with lease.held(sweep.pack(1).task / attempts.LEASE):
         assert task.run_pack(sweep, 1) == 75
     assert "is in use by" in capsys.readouterr().err
-    assert attempts.read(sweep.task_directory(1)) == []
+    assert attempts.read(sweep.pack(1).task) == []
 
 
 def test_a_pack_that_cannot_be_done_says_why(tmp_path, monkeypatch):
@@ -97,9 +97,9 @@ def test_a_pack_that_cannot_be_done_says_why(tmp_path, monkeypatch):
     full = OSError(28, "No space left on device", "x.csv")
     monkeypatch.setattr(task, "_work", lambda *_: (_ for _ in ()).throw(full))
     assert task.run_pack(sweep, 0) == 1
-    found = attempts.fate(sweep.task_directory(0), sweep.pack(0).directory)
+    found = attempts.fate(sweep.pack(0))
     assert (found.state, found.error) == ("failed", "No space left on device: x.csv.")
     monkeypatch.setattr(task, "_work", lambda *_: (_ for _ in ()).throw(ValueError("memory_gb is 0.1")))
     with pytest.raises(ValueError, match="memory_gb"):
         task.run_pack(sweep, 1)
-    assert attempts.read(sweep.task_directory(1))[-1]["exit"] == 2
+    assert attempts.read(sweep.pack(1).task)[-1]["exit"] == 2

@@ -135,3 +135,13 @@ def test_a_lease_that_is_no_longer_readable_is_taken_after_patience(tmp_path):
     (tmp_path / "lease").write_text("{")
     with lease.held(tmp_path / "lease", **QUICK):
         assert lease.owner(tmp_path / "lease")["pid"] == os.getpid()
+
+
+def test_a_file_server_that_is_away_for_a_while_takes_no_lease(tmp_path, monkeypatch):
+    with lease.held(tmp_path / "lease", **QUICK) as lost:
+        with monkeypatch.context() as away:
+            away.setattr(lease, "_read", lambda path: (_ for _ in ()).throw(OSError(5, "Input/output error")))
+            assert not lost.wait(0.3)
+        before = (tmp_path / "lease").stat().st_mtime_ns
+        time.sleep(0.3)
+        assert (tmp_path / "lease").stat().st_mtime_ns > before and not lost.is_set(), "and is touched again"

@@ -8,7 +8,8 @@ import time
 import pytest
 
 from srl_jax import machine
-from srl_jax.sweep import local
+from srl_jax.sweep import local, task
+from srl_jax.sweep.task import Order
 from tests.sweep import packs
 
 TASK = """
@@ -39,10 +40,10 @@ sys.exit(code)
 @pytest.fixture
 def engine(tmp_path, monkeypatch):
     """(plans, options) -> what is left, the log; packs do as they are told: exit code and seconds of each attempt."""
-    task = tmp_path / "task.py"
-    task.write_text(TASK)
+    script = tmp_path / "task.py"
+    script.write_text(TASK)
     monkeypatch.setattr(
-        local, "command", lambda directory, number: [sys.executable, str(task), str(directory), str(number)]
+        task, "command", lambda directory, number: [sys.executable, str(script), str(directory), str(number)]
     )
     monkeypatch.setattr(local, "POLL", 0.01)
     sweep = packs.planned(tmp_path / "s", 3)  # four packs
@@ -51,9 +52,9 @@ def engine(tmp_path, monkeypatch):
         import json
 
         (tmp_path / "s" / "plans.json").write_text(json.dumps(plans))
-        left = local.run(sweep, cpus=cpus, jobs=jobs, retries=retries, **options)
+        local.run(Order(sweep, cpus, jobs, retries, **options))
         log = tmp_path / "s" / "log.jsonl"
-        return left, [json.loads(line) for line in log.read_text().splitlines()]
+        return sweep.unfinished(), [json.loads(line) for line in log.read_text().splitlines()]
 
     return run
 
@@ -74,7 +75,7 @@ def test_what_fails_or_is_killed_is_tried_again_and_the_others_go_on(engine):
     assert {("1", 0), ("3", 0)} <= set(codes)
 
 
-@pytest.mark.parametrize("code", [local.USAGE, local.IN_USE])
+@pytest.mark.parametrize("code", [task.USAGE, task.IN_USE])
 def test_what_would_fail_again_is_not_tried_again(code, engine):
     left, log = engine({"1": [[code, 0]]}, retries=5)
     assert left == [1] and [line["pack"] for line in log if line.get("code") == code] == ["1"]

@@ -41,7 +41,7 @@ def test_packs_of_several_points_are_numbered_on(tmp_path):
     other = dataclasses.replace(config, ddpg=dataclasses.replace(DDPG, hidden=(16,)))
     points = (Point("a", ("--x", "1"), config, 2), Point("b", ("--x", "2"), other, 1))
     sweep = Sweep(tmp_path, points)
-    assert len(sweep) == 3 and [list(sweep.of_point(k)) for k in (0, 1)] == [[0, 1], [2]]
+    assert len(sweep) == 3 and [sweep.point_of(number) for number in range(3)] == [0, 0, 1]
     assert [pack.config.part for pack in sweep.packs()] == ["1/2", "2/2", "1/1"]
     assert sweep.pack(2).config.ddpg.hidden == (16,)
     assert sweep.pack(1).command == f"srl-jax run --x 1 --part 2/2 --out {tmp_path}/packs/00001"

@@ -1,7 +1,6 @@
 """Merging: one directory as if one run had made it, whatever is missing, and the same however often."""
 
 import dataclasses
-import json
 
 import pytest
 
@@ -24,7 +23,7 @@ def test_all_packs_make_one_run(tmp_path):
         packs.finish(sweep, number)
     summary = merge.merge(sweep)
     assert summary["sweep"]["complete"] and summary["sweep"]["missing"] == [] and len(sweep) == 3
-    assert summary["sweep"]["machine"] == packs.MACHINE | {"lanes": 12, "training_seconds": 6.0, "compile_seconds": 9.0}
+    assert summary["machine"] == packs.MACHINE | {"lanes": 12, "training_seconds": 6.0, "compile_seconds": 9.0}
     run = read_metrics(tmp_path / "s" / "merged")
     whole = plan.make(packs.BASE).lanes
     assert [lane["lane"] for lane in sorted(run.lanes, key=lambda lane: lane["lane"])] == [x.index for x in whole]
@@ -41,8 +40,8 @@ def test_what_is_missing_is_named_and_added_later(tmp_path):
     sweep = packs.planned(tmp_path / "s")
     for number in (0, 2):
         packs.finish(sweep, number)
-    attempts.begin(sweep.task_directory(1))
-    attempts.end(sweep.task_directory(1), 1, "OSError: no space")
+    attempts.begin(sweep.pack(1).task)
+    attempts.end(sweep.pack(1).task, 1, "OSError: no space")
     summary = merge.merge(sweep)
     about = summary["sweep"]
     assert not about["complete"] and about["merged"] == 2
@@ -99,6 +98,8 @@ def test_swept_values_get_a_table(tmp_path):
 def test_one_merge_at_a_time(tmp_path):
     sweep = packs.planned(tmp_path / "s")
     packs.finish(sweep, 0)
-    own = json.dumps({"token": "x", "host": "elsewhere", "pid": 1, "began": ""})
-    with lease.held(tmp_path / "s" / "merge.lease", beat=0.05), pytest.raises(lease.HeldError):
-        lease.acquire(tmp_path / "s" / "merge.lease", own, 0.5)
+    with lease.held(tmp_path / "s" / "merge.lease", beat=0.05), pytest.raises(lease.HeldError, match="is in use by"):
+        merge.merge(sweep)
+    assert not (tmp_path / "s" / "merged").exists()
+    merge.merge(sweep)
+    assert (tmp_path / "s" / "merged").exists()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from srl_jax.sweep import slurm
+from srl_jax.sweep import slurm, task
 from srl_jax.sweep.slurm import Options
 from tests.sweep import packs
 
@@ -26,6 +26,7 @@ echo "$(basename "$0") $@" >> "{folder}/calls"
 case "$(basename "$0")" in
     sbatch) n=$(( $(cat "{folder}/jobs" 2>/dev/null || echo 100) + 1 )); echo $n > "{folder}/jobs"; echo "$n;here" ;;
     sinfo) if [ "$2" = --Node ]; then cat "{folder}/hosts"; else printf 'cpu*\nurgent\n'; fi ;;
+    squeue) cat "{folder}/queued" 2>/dev/null ;;
     scontrol) [ "$1" = show ] && echo "MaxArraySize            = 3" ;;
 esac
 exit 0
@@ -37,7 +38,7 @@ def cluster(tmp_path, monkeypatch):
     """Commands of Slurm that write down how they were called."""
     folder = tmp_path / "bin"
     folder.mkdir()
-    for name in ("sbatch", "scontrol", "sinfo", "scancel"):
+    for name in ("sbatch", "scontrol", "sinfo", "scancel", "squeue"):
         (folder / name).write_text(FAKE.format(folder=tmp_path))
         (folder / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{folder}:{os.environ['PATH']}")
@@ -50,7 +51,7 @@ def script(tmp_path, cluster, monkeypatch):
     program, log = tmp_path / "program", tmp_path / "log"
     program.write_text(PROGRAM.format(folder=tmp_path, log=log))
     program.chmod(0o755)
-    monkeypatch.setattr(slurm.sys, "executable", str(program))
+    monkeypatch.setattr(task, "PROGRAM", (str(program), "-m", "srl_jax.sweep"))
     sweep = packs.planned(tmp_path / "s")
 
     def start(code, seconds, restarts=0):
@@ -116,8 +117,13 @@ def test_packs_are_submitted_as_arrays_with_a_merge_after_all(tmp_path, cluster)
     wanted = ("cpus-per-task=4", "time=2:00:00", "partition=cpu", "mem=900M", "signal=B:USR1@120", "requeue")
     for option in (*wanted, "account=x"):
         assert f"#SBATCH --{option}\n" in text
-    assert slurm.cancel(sweep) == ["101", "102", "103", "104"]
-    assert cluster()[-1] == "scancel --quiet 101 102 103 104"
+    (tmp_path / "queued").write_text("99\n102\n102\n104\n")
+    with pytest.raises(ValueError, match=r"has jobs in the queue \(102 104\): wait for them, or --cancel"):
+        slurm.submit(sweep, [0], options)
+    assert slurm.cancel(sweep) == ["102", "104"]
+    assert cluster()[-1] == "scancel --quiet 102 104"
+    (tmp_path / "queued").unlink()
+    assert slurm.cancel(sweep) == [] and slurm.submit(sweep, [0], options) == ["105", "106"]
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ def test_packs_are_counted_and_the_rest_is_reckoned(tmp_path):
     sweep = packs.planned(tmp_path / "s", 3)  # 12 lanes in 4 packs
     for number in (0, 1):
         packs.finish(sweep, number)
-    attempts.begin(sweep.task_directory(2))
-    attempts.end(sweep.task_directory(2), 2, "srl_jax: memory_gb is too small")
+    attempts.begin(sweep.pack(2).task)
+    attempts.end(sweep.pack(2).task, 2, "srl_jax: memory_gb is too small")
     found = status.status(sweep, datetime.now(UTC) + timedelta(hours=2))
     assert dict(found.counts) == {"done": 2, "failed": 1, "waiting": 1}
     assert abs(found.lanes_per_hour - 3.0) < 0.01 and found.hours_left and abs(found.hours_left - 2.0) < 0.01
