@@ -83,6 +83,7 @@ def save_figure(found: Sequence[Entry], path: str | Path, label: str) -> None:
                 middle = np.array([entry.iqm for entry in part])
                 ends = np.array([[e.iqm - e.low, e.high - e.iqm] for e in part]).T.clip(min=0.0)
                 axes.errorbar(x, middle, ends, marker="o", capsize=3, label=algo)
+            axes.margins(x=0.1)
             axes.set(xticks=range(len(ticks)), xticklabels=ticks, xlabel=setting.replace("_", " "), ylabel=label)
             axes.legend(frameon=False)
         style.save(figure, path)

@@ -145,3 +145,11 @@ def test_a_file_server_that_is_away_for_a_while_takes_no_lease(tmp_path, monkeyp
         before = (tmp_path / "lease").stat().st_mtime_ns
         time.sleep(0.3)
         assert (tmp_path / "lease").stat().st_mtime_ns > before and not lost.is_set(), "and is touched again"
+
+
+def test_who_saw_the_death_too_late_does_not_bury_the_new_owner(tmp_path):
+    stranger(tmp_path / "lease", host="elsewhere")
+    assert not lease._bury(tmp_path / "lease", "of-another, who was there before", "mine", 0.2)
+    assert lease.owner(tmp_path / "lease")["token"] == "of-elsewhere"
+    assert [path.name for path in tmp_path.iterdir()] == ["lease"]
+    assert lease._bury(tmp_path / "lease", "of-elsewhere", "mine", 0.2)

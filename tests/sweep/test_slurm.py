@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -13,13 +14,23 @@ from srl_jax.sweep import slurm, task
 from srl_jax.sweep.slurm import Options
 from tests.sweep import packs
 
-PROGRAM = """#!/bin/bash
-# Stands for the task: writes down every TERM, and ends with what the file `code` says.
-echo "began $@" >> "{log}"
-trap 'echo TERM >> "{log}"; code=143' TERM
-code=$(cat "{folder}/code")
-for i in $(seq 1 "$(cat "{folder}/lasts")"); do sleep 0.05; [ "$code" = 143 ] && break; done
-exit "$code"
+PROGRAM = """#!{python}
+# Stands for the task: writes down every TERM, saves for a moment after the first, and ends with what the file `code` says.
+import signal, sys, time
+from pathlib import Path
+folder, terms = Path("{folder}"), []
+def say(word):
+    with (folder / "log").open("a") as file:
+        file.write(word + "\\n")
+signal.signal(signal.SIGTERM, lambda *_: (say("TERM"), terms.append(1)))
+say(" ".join(["began", *sys.argv[1:]]))
+until = time.monotonic() + float((folder / "lasts").read_text())
+while time.monotonic() < until and not terms:
+    time.sleep(0.01)
+if terms:
+    time.sleep(0.5)
+    sys.exit(143)
+sys.exit(int((folder / "code").read_text()))
 """
 FAKE = """#!/bin/bash
 echo "$(basename "$0") $@" >> "{folder}/calls"
@@ -49,14 +60,14 @@ def cluster(tmp_path, monkeypatch):
 def script(tmp_path, cluster, monkeypatch):
     """(code, seconds) -> the generated script as a process, its task being a program that ends so after so long."""
     program, log = tmp_path / "program", tmp_path / "log"
-    program.write_text(PROGRAM.format(folder=tmp_path, log=log))
+    program.write_text(PROGRAM.format(folder=tmp_path, python=sys.executable))
     program.chmod(0o755)
     monkeypatch.setattr(task, "PROGRAM", (str(program), "-m", "srl_jax.sweep"))
     sweep = packs.planned(tmp_path / "s")
 
     def start(code, seconds, restarts=0):
         (tmp_path / "code").write_text(str(code))
-        (tmp_path / "lasts").write_text(str(round(seconds / 0.05)))
+        (tmp_path / "lasts").write_text(str(seconds))
         (tmp_path / "pack.sh").write_text(slurm.array_script(sweep, Options(cpus=1, time="1:00:00", retries=3)))
         job = {"SLURM_ARRAY_JOB_ID": "7", "SLURM_ARRAY_TASK_ID": "2", "SLURM_RESTART_COUNT": str(restarts)}
         process = subprocess.Popen(
