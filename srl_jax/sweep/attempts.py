@@ -16,7 +16,7 @@ from srl_jax.sweep import lease
 from srl_jax.sweep.manifest import Pack
 
 NAME, LEASE = "attempts.jsonl", "lease"
-JOBS = (("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID"), ("SLURM_JOB_ID",), ("RAY_JOB_ID",))  # first that is set
+JOBS = (("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID"), ("SLURM_JOB_ID",))  # first that is set
 RESTARTS = "SLURM_RESTART_COUNT"
 
 State = Literal["waiting", "running", "cut off", "failed", "done"]

@@ -6,6 +6,7 @@ A task is the same process as under every other engine, beside Ray's own worker,
 import contextlib
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,9 @@ def _started(address: str) -> Any:
         raise ValueError("engine is ray: Ray is not installed; pip install 'srl-jax[ray]'.") from None
     options = {"address": address} if address else {"num_cpus": machine.cores(), "include_dashboard": False}
     try:
-        ray.init(**options, log_to_driver=False, logging_level="error")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "os.fork", RuntimeWarning)  # Ray's children run no jax
+            ray.init(**options, log_to_driver=False, logging_level="error")
     except ConnectionError as error:
         raise ValueError(f"ray_address is {address!r}: no cluster answers there ({error}).") from None
     return ray

@@ -29,6 +29,7 @@ WORDS = {  # OUT is a file, RUN a finished run
     "render_robot": "--width 40 --height 30 --oversample 1 --painter plain --path OUT",
     "robot_posterior": "RUN --seeds 2 --robots 1 --visits 2 --horizon 4 --draws 20",
     "self_model": "--damages tibia_rm,leg_rm --motions 2 --probes 1 --steps 3 --seeds 2 --out OUT",
+    "sweep_simulation": "--nodes 4 --lanes 64 --steps 1000 --pack-lanes 16 --intervals 60 --seeds 1",
     "throughput": "--preset smoke --lanes 4 --vector-steps 2 --repeats 1",
     "tune_gait": "--population 16 --generations 1 --goals 1 --test 16 --steps 2 --out OUT",
 }
@@ -44,6 +45,7 @@ SHOWN = {  # a part of what is printed
     "render_robot": ".png",
     "robot_posterior": "all",
     "self_model": "2 damages, 2 seeds, truth in mjx",
+    "sweep_simulation": "64 lanes of 1,000 steps",
     "throughput": f"{DEVICES} devices; C MuJoCo",
     "tune_gait": "x_in_fine_c",
 }

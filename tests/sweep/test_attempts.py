@@ -80,7 +80,7 @@ def test_a_line_that_was_cut_short_is_left_out(tmp_path):
     ],
 )
 def test_a_task_is_called_as_its_engine_calls_it(variables, name, monkeypatch, tmp_path):
-    for variable in ("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID", "SLURM_JOB_ID", "RAY_JOB_ID"):
+    for variable in ("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID", "SLURM_JOB_ID"):
         monkeypatch.delenv(variable, raising=False)
     for variable, value in (variables | {"SLURM_RESTART_COUNT": "2"}).items():
         monkeypatch.setenv(variable, value)

@@ -15,7 +15,7 @@ from srl_jax.sweep.slurm import Options
 from tests.sweep import packs
 
 PROGRAM = """#!{python}
-# Stands for the task: writes down every TERM, saves for a moment after the first, and ends with what the file `code` says.
+# Stands for the task: writes down every TERM, saves for a moment after the first, and ends as the file `code` says.
 import signal, sys, time
 from pathlib import Path
 folder, terms = Path("{folder}"), []
