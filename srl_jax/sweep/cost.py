@@ -13,7 +13,7 @@ from srl_jax.config import Config
 from srl_jax.job import memory, plan
 from srl_jax.sweep.manifest import Point, Sweep, split
 
-LEARNING = 4.5e10  # operations per second and core that updates reach
+LEARNING = 5.4e10  # operations per second and core that updates reach, as `memory.operations` counts them
 ACTING = 9e-6  # s per environment step and core: acting, physics, evaluations
 START = 60.0  # s of a task that are not training: imports, compiling, cloning, files
 PACK_HOURS = 0.5  # of a pack, at most: longer ones leave nodes idle at the end, shorter ones start too often
