@@ -19,7 +19,7 @@ class EnvConfig:
     """dense: progress, effort, goal and fall terms; sparse: 1 on reaching the goal, else 0."""
     observation: Literal["full", "onboard"] = "full"
     """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
-    goal_ring: tuple[float, float] = (1.2, 1.6)
+    goal_ring: tuple[float, float] = (1.5, 1.9)
     """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15
     """p2p: distance to the goal that counts as reached."""
