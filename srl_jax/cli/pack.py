@@ -10,13 +10,14 @@ from srl_jax.cli.run import devices_of, quiet
 from srl_jax.cli.signals import StopSignals
 from srl_jax.sweep import attempts, cache, lease
 from srl_jax.sweep.manifest import Pack, Sweep
-from srl_jax.sweep.task import DONE, IN_USE, USAGE
+from srl_jax.sweep.task import DONE, FAILED, IN_USE, USAGE, follow
 
 COMPILED = ("training", "summary")  # phases of a run after it has compiled its program
 
 
 def run_pack(sweep: Sweep, number: int) -> int:
     """Trains a pack; 0 when it is done, 75 where another process has it, else as `srl-jax run` ends."""
+    follow()
     pack = sweep.pack(number)
     if pack.done:
         return DONE
@@ -27,23 +28,30 @@ def run_pack(sweep: Sweep, number: int) -> int:
     except lease.HeldError as error:
         print(f"srl_jax: {error}", file=sys.stderr)
         return IN_USE
+    except OSError as problem:  # not even the attempt could be recorded
+        print(f"srl_jax: {_sentence(problem)}", file=sys.stderr)
+        return FAILED
 
 
 def _recorded(sweep: Sweep, pack: Pack, lost: threading.Event) -> int:
     """Works on the pack and records how it ended; a machine's failure is 1, to be tried again, bad input is 2."""
-    code, error = 1, "killed"
+    code, error = FAILED, "killed"
     try:
         code, error = _work(sweep, pack, lost)
     except OSError as problem:
-        error = f"{problem.strerror or problem}: {problem.filename or 'while writing results'}."
+        error = _sentence(problem)
         print(f"srl_jax: {error}", file=sys.stderr)
     except BaseException as problem:
-        code, error = (USAGE if isinstance(problem, ValueError) else 1), str(problem) or type(problem).__name__
+        code, error = (USAGE if isinstance(problem, ValueError) else FAILED), str(problem) or type(problem).__name__
         raise
     finally:
         with contextlib.suppress(OSError):  # of a full disk, which the log tells anyway
             attempts.end(pack.task, code, error)
     return code
+
+
+def _sentence(problem: OSError) -> str:
+    return f"{problem.strerror or problem}: {problem.filename or 'while writing results'}."
 
 
 def _work(sweep: Sweep, pack: Pack, lost: threading.Event) -> tuple[int, str]:
@@ -68,7 +76,7 @@ def _work(sweep: Sweep, pack: Pack, lost: threading.Event) -> tuple[int, str]:
             pack.config,
             pack.directory,
             devices,
-            resume=(pack.directory / "config.json").exists(),
+            resume=pack.directory.exists(),  # be it without any file: whoever began it was killed at once
             listener=listen,
             stopped=lambda: stop.requested() or lost.is_set(),
         )

@@ -6,6 +6,7 @@ A task is the same process as under every other engine, beside Ray's own worker,
 import contextlib
 import os
 import tempfile
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from srl_jax import machine
 from srl_jax.sweep import task
 from srl_jax.sweep.task import Order
 
-POLL = 1.0  # s
+POLL, PAUSE = 1.0, 10.0  # s between looks at what has ended, and at a pack in use
 NAME = "srl_jax-cores"  # of the files that say which cores of a node are taken
 
 
@@ -44,18 +45,29 @@ def run(order: Order, address: str = "") -> None:
 
 
 def work(directory: str, number: int, cpus: int) -> int:
-    """One task on a node: the pack's process on cores of its own. An error makes Ray try again."""
+    """One task on a node: the pack's process on cores of its own. An error makes Ray try again.
+
+    Where Ray has lost a node that still lives, its task goes on there; then this one waits for what becomes of it.
+    """
     with own_cores(cpus) as cores:
-        process = task.begin(Path(directory), number, cores)
-        try:
-            code = process.wait()
-        except BaseException:  # cancelled: it saves before it ends
-            process.terminate()
-            process.wait()
-            raise
+        while (code := _once(directory, number, cores)) == task.IN_USE:
+            time.sleep(PAUSE)
     if task.may_succeed(code):
         raise RuntimeError(f"pack {number} ended with code {code}")
     return code
+
+
+def _once(directory: str, number: int, cores: set[int]) -> int:
+    own = os.environ | {
+        task.LEADER: str(os.getpid())
+    }  # else a task goes on when its worker is lost, and holds the pack
+    process = task.begin(Path(directory), number, cores, env=own)
+    try:
+        return process.wait()
+    except BaseException:  # cancelled: it saves before it ends
+        process.terminate()
+        process.wait()
+        raise
 
 
 @contextlib.contextmanager

@@ -1,6 +1,8 @@
 """What all engines share: the process that works on a pack, its exit codes, and what an engine is asked to do."""
 
+import ctypes
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,7 +13,10 @@ from typing import Any
 from srl_jax.sweep.manifest import Sweep
 
 PROGRAM = (sys.executable, "-m", "srl_jax.sweep")
-DONE, USAGE, IN_USE = 0, 2, 75  # exit codes: trained; bad input; another process works on the pack (EX_TEMPFAIL)
+DONE, FAILED, USAGE, IN_USE = 0, 1, 2, 75  # trained; the machine's fault; bad input; in use elsewhere (EX_TEMPFAIL)
+
+LEADER = "SRL_JAX_LEADER"  # in a task's environment: the process that started it, if it is to be killed with that
+PR_SET_PDEATHSIG = 1  # of Linux
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,16 @@ def begin(directory: Path, number: int, cores: set[int] | None, **options: Any) 
     if cores and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(process.pid, cores)  # before it has any thread but its first
     return process
+
+
+def follow() -> None:
+    """Has this process killed together with its leader, where it was given one and the system, Linux, does that."""
+    leader = os.environ.pop(LEADER, "")
+    if not leader or not sys.platform.startswith("linux"):
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != int(leader):  # it had died before
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def may_succeed(code: int) -> bool:

@@ -103,3 +103,23 @@ def test_a_pack_that_cannot_be_done_says_why(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="memory_gb"):
         task.run_pack(sweep, 1)
     assert attempts.read(sweep.pack(1).task)[-1]["exit"] == 2
+
+
+def test_a_task_that_was_killed_before_it_wrote_anything_can_be_begun_again(tmp_path, monkeypatch):
+    sweep = packs.planned(tmp_path / "s")
+    (sweep.pack(0).directory).mkdir(parents=True)
+    (sweep.pack(0).directory / ".lock").touch()
+    monkeypatch.setattr(task, "_use_cache", lambda folder: folder.mkdir(parents=True, exist_ok=True))
+    monkeypatch.setattr(task, "StopSignals", lambda: None)
+    asked = []
+    monkeypatch.setattr("srl_jax.job.run.run", lambda *_, **options: asked.append(options["resume"]) or {})
+    assert task.run_pack(sweep, 0) == 0 and task.run_pack(sweep, 1) == 0
+    assert asked == [True, False], "a new run would refuse the directory, as bad input, and never be tried again"
+
+
+def test_a_disk_too_full_for_a_lease_is_no_bad_input(tmp_path, monkeypatch, capsys):
+    sweep = packs.planned(tmp_path / "s")
+    full = OSError(28, "No space left on device", "lease")
+    monkeypatch.setattr(lease, "acquire", lambda *_: (_ for _ in ()).throw(full))
+    assert task.run_pack(sweep, 0) == 1, "2 would not be tried again"
+    assert "No space left on device: lease." in capsys.readouterr().err
