@@ -9,56 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from srl_jax.sweep import task
+from srl_jax.sweep import scripts, task
 from srl_jax.sweep.manifest import Sweep
 
 WARNING = 120  # s before the time limit at which a task is asked to save
 LOCAL = ("/tmp/", "/var/tmp/", "/dev/shm/", "/run/")  # of every machine its own
 TASKS = 1_000  # of one array, where the cluster does not say (its default MaxArraySize is 1001)
-
-SCRIPT = """\
-#!/bin/bash
-# One task works on one pack: finished packs are left at once, begun ones go on from their checkpoint.
-{options}
-#SBATCH --signal=B:USR1@{warning}
-#SBATCH --requeue
-#SBATCH --open-mode=append
-
-pack=$(( ${{1:-0}} + SLURM_ARRAY_TASK_ID ))
-task=${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}
-
-# Near the time limit only this shell is told (B:USR1): the program then gets its one TERM, saves and ends.
-# Otherwise Slurm's TERM reaches the program itself, and the shell must not pass on a second one, which would kill it.
-child=
-trap '[ -n "$child" ] && kill -TERM "$child"' USR1
-trap : TERM
-
-{command} --out {directory} --run-pack "$pack" &
-child=$!
-while :; do
-    wait "$child"
-    code=$?
-    kill -0 "$child" 2>/dev/null || break
-done
-
-case $code in
-    0) exit 0 ;;
-    2) exit 2 ;;  # bad input would fail again
-esac
-# Slurm itself requeues what it preempts and what dies with its node, but neither kills nor failures.
-if [ "${{SLURM_RESTART_COUNT:-0}}" -lt {retries} ]; then
-    scontrol requeue "$task"
-fi
-exit "$code"
-"""
-
-MERGE = """\
-#!/bin/bash
-# Runs when every task has ended, however it did; what is missing is named, and the next merge adds it.
-{options}
-
-exec {command} --out {directory} --merge
-"""
 
 
 @dataclass(frozen=True)
@@ -84,7 +40,7 @@ def array_script(sweep: Sweep, options: Options) -> str:
     }
     if options.memory_mb:
         lines["mem"] = f"{options.memory_mb}M"
-    return SCRIPT.format(
+    return scripts.PACK.format(
         options=_options(lines, options),
         warning=WARNING,
         command=shlex.join(task.PROGRAM),
@@ -101,7 +57,7 @@ def merge_script(sweep: Sweep, options: Options) -> str:
         "time": "30:00",
         "output": f"{sweep.directory / 'slurm' / 'merge-%j.out'}",
     }
-    return MERGE.format(
+    return scripts.MERGE.format(
         options=_options(lines, options),
         command=shlex.join(task.PROGRAM),
         directory=shlex.quote(str(sweep.directory)),

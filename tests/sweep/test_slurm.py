@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from srl_jax.sweep import slurm, task
+from srl_jax.sweep import attempts, slurm, task
 from srl_jax.sweep.slurm import Options
 from tests.sweep import packs
 
@@ -38,7 +38,10 @@ case "$(basename "$0")" in
     sbatch) n=$(( $(cat "{folder}/jobs" 2>/dev/null || echo 100) + 1 )); echo $n > "{folder}/jobs"; echo "$n;here" ;;
     sinfo) if [ "$2" = --Node ]; then cat "{folder}/hosts"; else printf 'cpu*\nurgent\n'; fi ;;
     squeue) cat "{folder}/queued" 2>/dev/null ;;
-    scontrol) [ "$1" = show ] && echo "MaxArraySize            = 3" ;;
+    scontrol) case "$2" in
+        config) echo "MaxArraySize            = 3" ;;
+        job) cat "{folder}/job" 2>/dev/null || echo "   PreemptTime=None ExcNodeList=(null)" ;;
+    esac ;;
 esac
 exit 0
 """
@@ -64,12 +67,14 @@ def script(tmp_path, cluster, monkeypatch):
     program.chmod(0o755)
     monkeypatch.setattr(task, "PROGRAM", (str(program), "-m", "srl_jax.sweep"))
     sweep = packs.planned(tmp_path / "s")
+    (tmp_path / "s" / "slurm").mkdir()
 
     def start(code, seconds, restarts=0):
         (tmp_path / "code").write_text(str(code))
         (tmp_path / "lasts").write_text(str(seconds))
         (tmp_path / "pack.sh").write_text(slurm.array_script(sweep, Options(cpus=1, time="1:00:00", retries=3)))
         job = {"SLURM_ARRAY_JOB_ID": "7", "SLURM_ARRAY_TASK_ID": "2", "SLURM_RESTART_COUNT": str(restarts)}
+        job["SLURMD_NODENAME"] = "n4"
         process = subprocess.Popen(
             ["bash", str(tmp_path / "pack.sh"), "1000"], env=os.environ | job, start_new_session=True
         )
@@ -103,12 +108,45 @@ def test_near_the_time_limit_the_program_gets_one_term(script, cluster):
     assert log().count("TERM") == 1 and "scontrol requeue 7_2" in cluster()
 
 
-def test_a_term_that_slurm_sends_to_both_is_not_passed_on(script):
+def test_a_pack_may_reach_the_time_limit_more_often_than_it_may_fail(script, cluster, tmp_path):
+    start, _ = script
+    for restarts in range(5):
+        process = start(0, 30, restarts)
+        process.send_signal(signal.SIGUSR1)
+        assert process.wait(timeout=20) == 143
+        (tmp_path / "log").unlink()
+    assert cluster().count("scontrol requeue 7_2") == 5, "although three retries are allowed"
+    for restarts in range(5, 9):
+        assert start(1, 0, restarts).wait() == 1
+        (tmp_path / "log").unlink()
+    assert cluster().count("scontrol requeue 7_2") == 8, "failures are still counted"
+
+
+@pytest.mark.parametrize(
+    ("about", "requeued"), [("PreemptTime=None", False), ("PreemptTime=2026-11-28T13:00:00", True)]
+)
+def test_a_term_that_slurm_sends_to_both_is_not_passed_on(about, requeued, script, cluster, tmp_path):
+    (tmp_path / "job").write_text(f"   PreemptEligibleTime=2026-11-28T12:00:00 {about}\n")
     start, log = script
     process = start(0, 30)
     os.killpg(process.pid, signal.SIGTERM)
     assert process.wait(timeout=20) == 143
     assert log().count("TERM") == 1
+    assert ("scontrol requeue 7_2" in cluster()) == requeued, (
+        "what is cancelled does not come back, what is preempted does"
+    )
+
+
+@pytest.mark.parametrize(("before", "after"), [("(null)", "n4"), ("n[1-2]", "n[1-2],n4")])
+def test_a_node_without_python_is_left_out(before, after, script, cluster, tmp_path):
+    (tmp_path / "job").write_text(f"   ReqNodeList=(null) ExcNodeList={before}\n")
+    start, _ = script
+    assert start(127, 0).wait() == 127
+    assert cluster()[-1] == f"scontrol update JobId=7_2 ExcNodeList={after}"
+    lines = attempts.read(tmp_path / "s" / "tasks" / "01002")
+    assert [line.get("host") for line in lines] == ["n4", None] and lines[1]["error"] == "there is no Python"
+    assert start(1, 0).wait() == 1
+    assert cluster()[-1] == "scontrol requeue 7_2"
 
 
 def test_packs_are_submitted_as_arrays_with_a_merge_after_all(tmp_path, cluster):
