@@ -58,7 +58,7 @@ def _failed(summary: dict) -> list[str]:
 
 
 def show_status(sweep: Sweep, *, watch: bool) -> int:
-    """Prints how the packs stand; 1 where one has failed."""
+    """Prints how the packs stand; 1 where one has failed or was cut off, or has lanes that failed."""
     from srl_jax.sweep import status
 
     while True:
@@ -66,5 +66,5 @@ def show_status(sweep: Sweep, *, watch: bool) -> int:
         print("\n".join(status.lines(sweep, found)), flush=True)
         open_ = found.counts["running"] + found.counts["waiting"] + found.counts["cut off"]
         if not watch or not open_:
-            return INCOMPLETE if found.counts["failed"] else 0
+            return INCOMPLETE if found.troubled else 0
         time.sleep(WATCH)

@@ -28,7 +28,7 @@ class Fate:
 
     state: State
     attempts: int = 0
-    error: str = ""  # the last line of what went wrong
+    error: str = ""  # the last line of what went wrong; of a pack that is done, which of its lanes did
     host: str = ""
     began: str = ""  # when it was first begun
 
@@ -79,13 +79,27 @@ def fate(pack: Pack) -> Fate:
     lines = read(pack.task)
     begun = [line for line in lines if "host" in line]
     if not begun:
-        return Fate("done" if pack.done else "waiting")
+        return Fate("done", error=_not_finite(pack)) if pack.done else Fate("waiting")
     about = {"attempts": len(begun), "host": begun[-1]["host"], "began": begun[0]["at"]}
     if pack.done:
-        return Fate("done", **about)
+        return Fate("done", error=_not_finite(pack), **about)
     if lease.lives(pack.task / LEASE):
         return Fate("running", **about)
     if "exit" not in lines[-1]:
         return Fate("cut off", error="it ended without a word: killed, or its machine was lost", **about)
     stopped = lines[-1]["exit"] > 128
     return Fate("waiting" if stopped else "failed", error=lines[-1]["error"], **about)
+
+
+def _not_finite(pack: Pack) -> str:
+    """Names the lanes of a pack that is done which have failed."""
+    try:
+        lanes = json.loads((pack.directory / "summary.json").read_text()).get("nonfinite_lanes", [])
+    except ValueError:
+        return "its summary.json cannot be read"
+    if not lanes:
+        return ""
+    first = lanes[0]
+    name = f"lane {first['lane']} ({first['algo']} {first['variant']} seed {first['seed']} {first['damage']})"
+    more = f", and {len(lanes) - 1} more" if len(lanes) > 1 else ""
+    return f"not finite from step {first['step']} on: {name}{more}"

@@ -15,7 +15,9 @@ class Status:
     """Of all packs."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    troubled: list[tuple[int, attempts.Fate]] = field(default_factory=list)  # failed, or cut off
+    troubled: list[tuple[int, attempts.Fate]] = field(
+        default_factory=list
+    )  # failed, cut off, or with lanes that failed
     lanes_per_hour: float = 0.0
     hours_left: float | None = None
 
@@ -26,7 +28,7 @@ def status(sweep: Sweep, now: datetime | None = None) -> Status:
     for pack in sweep.packs():
         fate = attempts.fate(pack)
         found.counts[fate.state] += 1
-        if fate.state in ("failed", "cut off"):
+        if fate.state in ("failed", "cut off") or (fate.state == "done" and fate.error):
             found.troubled.append((pack.number, fate))
         if fate.began:
             began.append(datetime.fromisoformat(fate.began))

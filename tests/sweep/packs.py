@@ -45,5 +45,8 @@ def finish(sweep: Sweep, number: int, *, broken: bool = False) -> None:
                 rows[0] = (step, lanes[0].index, f"eval/{name}", float("nan"))
             metrics.write(rows)
     machine = MACHINE | {"lanes": len(lanes)}
-    (pack.directory / "summary.json").write_text(json.dumps({"machine": machine}))
+    first = lanes[0]
+    lost = {"lane": first.index, "algo": first.algo, "variant": "", "seed": first.seed, "damage": first.damage}
+    summary = {"machine": machine, "nonfinite_lanes": [{**lost, "step": 1600}] if broken else []}
+    (pack.directory / "summary.json").write_text(json.dumps(summary))
     attempts.end(pack.task, 0)

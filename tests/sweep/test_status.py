@@ -2,6 +2,7 @@
 
 from datetime import UTC, datetime, timedelta
 
+from srl_jax.cli.sweep_display import show_status
 from srl_jax.sweep import attempts, status
 from tests.sweep import packs
 
@@ -24,3 +25,22 @@ def test_packs_are_counted_and_the_rest_is_reckoned(tmp_path):
 def test_nothing_begun(tmp_path):
     sweep = packs.planned(tmp_path / "s", 3)
     assert status.lines(sweep, status.status(sweep)) == ["4 packs: 4 waiting"]
+
+
+def test_lanes_of_a_finished_pack_that_failed_are_named(tmp_path, capsys):
+    sweep = packs.planned(tmp_path / "s", 3)
+    packs.finish(sweep, 0)
+    assert show_status(sweep, watch=False) == 0
+    packs.finish(sweep, 1, broken=True)
+    capsys.readouterr()
+    assert show_status(sweep, watch=False) == 1
+    printed = capsys.readouterr().out
+    assert "pack 00001 done on " in printed and printed.count("pack 0000") == 1
+    assert "(1 attempt): not finite from step 1600 on: lane " in printed
+
+
+def test_a_pack_that_was_cut_off_is_trouble(tmp_path):
+    sweep = packs.planned(tmp_path / "s", 3)
+    attempts.begin(sweep.pack(2).task)
+    assert status.status(sweep).troubled[0][1].state == "cut off"
+    assert show_status(sweep, watch=False) == 1
