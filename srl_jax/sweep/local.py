@@ -27,8 +27,14 @@ def run(order: Order) -> None:
     while running or (waiting and not asked):
         while waiting and slots and not order.stopped():
             number, left = waiting.popleft()
-            slot = slots.popleft()
-            running[number] = _start(order.sweep, number, cores[slot]), slot, left
+            try:
+                process = _start(order.sweep, number, cores[slots[0]])
+            except OSError:  # a full disk has no room for its log; the others go on
+                order.told(number, task.FAILED)
+                waiting.extend([(number, left - 1)] if left else [])
+                time.sleep(POLL)
+                continue
+            running[number] = process, slots.popleft(), left
         if order.stopped() and not asked:
             asked = True
             for process, _, _ in running.values():

@@ -75,6 +75,19 @@ def test_what_fails_or_is_killed_is_tried_again_and_the_others_go_on(engine):
     assert {("1", 0), ("3", 0)} <= set(codes)
 
 
+def test_a_disk_too_full_for_a_log_stops_only_that_pack(engine, monkeypatch):
+    start, told = local._start, []
+
+    def full(sweep, number, cores):
+        if number == 1:
+            raise OSError(28, "No space left on device", "log")
+        return start(sweep, number, cores)
+
+    monkeypatch.setattr(local, "_start", full)
+    left, _ = engine({}, retries=2, told=lambda number, code: told.append((number, code)))
+    assert left == [1] and told.count((1, task.FAILED)) == 3
+
+
 @pytest.mark.parametrize("code", [task.USAGE, task.IN_USE])
 def test_what_would_fail_again_is_not_tried_again(code, engine):
     left, log = engine({"1": [[code, 0]]}, retries=5)
