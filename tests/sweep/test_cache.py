@@ -1,5 +1,7 @@
 """Compiled programs that packs share: one compiles while the others wait, and what is damaged goes."""
 
+import subprocess
+import sys
 import threading
 import time
 import zlib
@@ -7,6 +9,16 @@ import zlib
 from srl_jax.sweep import cache
 
 INTEL = "model name\t: Intel(R) Xeon(R) Gold 6248\nflags\t\t: sse avx2 avx512f\n"
+
+PROGRAM = """
+import sys
+from pathlib import Path
+import jax
+from srl_jax.cli import pack
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+pack._use_cache(Path(sys.argv[1]))
+print(jax.jit(lambda x: x * 2 + 1)(3.0))
+"""  # what a task does with the cache, and a small program
 
 
 def test_a_folder_for_each_kind_of_processor(tmp_path):
@@ -59,3 +71,22 @@ def test_entries_that_are_not_whole_are_removed(tmp_path):
         (tmp_path / name).write_bytes(data)
     assert cache.mend(tmp_path) == ["b-cache", "c-cache", "e-cache"]
     assert {path.name for path in tmp_path.iterdir()} == {"a-cache", "d-atime"}
+
+
+def test_a_task_that_meets_damaged_entries_says_so_compiles_and_writes_them_anew(tmp_path):
+    def work():
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=True
+        )
+        assert done.stdout == "7.0\n", done.stderr
+        return done.stderr
+
+    assert "damaged" not in work()
+    entries = {path: path.read_bytes() for path in tmp_path.glob("*-cache")}
+    assert entries
+    for number, (path, whole) in enumerate(entries.items()):
+        path.write_bytes(whole[: len(whole) // 2] if number % 2 else b"")
+    said = work()
+    assert "srl_jax: removed damaged compiled programs: " in said and "UserWarning" not in said
+    assert all(path.name in said and zlib.decompress(path.read_bytes()) for path in entries)
+    assert "damaged" not in work()
