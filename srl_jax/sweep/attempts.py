@@ -99,7 +99,7 @@ def _not_finite(pack: Pack) -> str:
         return "its summary.json cannot be read"
     if not lanes:
         return ""
-    first = lanes[0]
-    name = f"lane {first['lane']} ({first['algo']} {first['variant']} seed {first['seed']} {first['damage']})"
+    first = lanes[0]  # by name: its number in the merge is another one where there is a grid
+    name = " ".join(filter(None, (first["algo"], first["variant"], f"seed {first['seed']}", first["damage"])))
     more = f", and {len(lanes) - 1} more" if len(lanes) > 1 else ""
     return f"not finite from step {first['step']} on: {name}{more}"

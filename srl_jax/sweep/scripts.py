@@ -59,6 +59,14 @@ MERGE = """\
 #!/bin/bash
 # Runs when every task has ended, however it did; what is missing is named, and the next merge adds it.
 {options}
+#SBATCH --requeue
+#SBATCH --open-mode=append
 
-exec {command} --out {directory} --merge
+{command} --out {directory} --merge
+code=$?
+if [ "$code" -ge 126 ] && [ "$code" -le 127 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -lt {retries} ]; then
+    scontrol requeue "$SLURM_JOB_ID"  # there is no Python on this node
+    scontrol update "JobId=$SLURM_JOB_ID" "ExcNodeList=$SLURMD_NODENAME"
+fi
+exit "$code"
 """

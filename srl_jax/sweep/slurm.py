@@ -61,6 +61,7 @@ def merge_script(sweep: Sweep, options: Options) -> str:
         options=_options(lines, options),
         command=shlex.join(task.PROGRAM),
         directory=shlex.quote(str(sweep.directory)),
+        retries=options.retries,
     )
 
 

@@ -149,6 +149,15 @@ def test_a_node_without_python_is_left_out(before, after, script, cluster, tmp_p
     assert cluster()[-1] == "scontrol requeue 7_2"
 
 
+@pytest.mark.parametrize(("code", "calls"), [(0, 0), (1, 0), (127, 2)])
+def test_a_merge_on_a_node_without_python_moves_to_another(code, calls, cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(task, "PROGRAM", ("sh", "-c", f"exit {code}"))
+    (tmp_path / "merge.sh").write_text(slurm.merge_script(packs.planned(tmp_path / "s"), Options(1, "1:00:00")))
+    job = {"SLURM_JOB_ID": "9", "SLURMD_NODENAME": "n4"}
+    assert subprocess.run(["bash", str(tmp_path / "merge.sh")], env=os.environ | job, check=False).returncode == code
+    assert cluster() == ["scontrol requeue 9", "scontrol update JobId=9 ExcNodeList=n4"][:calls]
+
+
 def test_packs_are_submitted_as_arrays_with_a_merge_after_all(tmp_path, cluster):
     sweep = packs.planned(tmp_path / "s", 2)
     options = Options(cpus=4, time="2:00:00", partition="cpu", at_once=2, memory_mb=900, extra=("--account=x",))

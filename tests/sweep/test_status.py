@@ -36,7 +36,7 @@ def test_lanes_of_a_finished_pack_that_failed_are_named(tmp_path, capsys):
     assert show_status(sweep, watch=False) == 1
     printed = capsys.readouterr().out
     assert "pack 00001 done on " in printed and printed.count("pack 0000") == 1
-    assert "(1 attempt): not finite from step 1600 on: lane " in printed
+    assert "(1 attempt): not finite from step 1600 on: ddpg seed " in printed
 
 
 def test_a_pack_that_was_cut_off_is_trouble(tmp_path):
