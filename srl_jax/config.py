@@ -35,7 +35,8 @@ class Config:
     """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, ite, tripod, pi_b and what else is registered, separated by
     commas."""
     damage: str = "task"
-    """task (the paper's, all six legs), all (the catalogue), losses21, or names such as tibia_rm,leg_rm+leg_lf."""
+    """Names such as tibia_rm,leg_rm+leg_lf and sets: task (the paper's, all six legs), all (the catalogue), losses21,
+    joints, limp (legs), triples (three legs lost); sets may be joined: losses21+limp."""
     damage_schedule: str = ""
     """Damage that changes in the middle of the run: healthy@0,tibia_rm@20000,leg_rm@40000 (replaces damage)."""
     steps: int = 50_000

@@ -10,12 +10,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (  # highest first; rooms of one line do not know each other
-    ("run", "repertoire", "__main__"),
+    ("run", "repertoire", "recover", "__main__"),
     ("cli",),
     ("sweep",),
     ("job",),
     ("config",),
-    ("report",),
+    ("report", "atlas"),
     ("evaluate",),
     ("program",),
     ("ite",),
@@ -24,7 +24,8 @@ ROOMS = (  # highest first; rooms of one line do not know each other
     ("types", "statistics", "distributions", "blocks", "machine", "seam"),
 )
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
-    *("__init__", "__main__", "run", "repertoire", "config", "machine", "ite.settings"),
+    *("__init__", "__main__", "run", "repertoire", "recover", "config", "machine", "ite.settings"),
+    *("atlas.__main__", "cli.atlas", "cli.recover"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

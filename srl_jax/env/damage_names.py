@@ -5,7 +5,7 @@ Parts are joined with ``+``, each a joint (``removed``, ``limp`` or ``locked``) 
 removed coxa is a removed leg, and is called so.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import NamedTuple
 
@@ -53,7 +53,12 @@ def catalogue() -> tuple[str, ...]:
 
 def losses21() -> tuple[str, ...]:
     """The 6 + 15 losses of one or two legs, the set Mailer (2021) and HexaHeal report on."""
-    return tuple("+".join(f"leg_{leg}" for leg in lost) for n in (1, 2) for lost in combinations(LEGS, n))
+    return lost(1) + lost(2)
+
+
+def lost(count: int) -> tuple[str, ...]:
+    """Every loss of so many whole legs."""
+    return tuple("+".join(f"leg_{leg}" for leg in legs) for legs in combinations(LEGS, count))
 
 
 def task_set(task: str) -> tuple[str, ...]:
@@ -68,23 +73,38 @@ def task_set(task: str) -> tuple[str, ...]:
     return tuple(f"{parts[task]}_{leg}" for leg in LEGS)
 
 
+def named_sets(task: str) -> dict[str, Callable[[], tuple[str, ...]]]:
+    """Sets of damages that a command line may name."""
+    return {
+        "task": lambda: task_set(task),
+        "all": catalogue,
+        "losses21": losses21,
+        "joints": lambda: tuple(canonical(f"{joint}:{kind}") for joint in JOINTS for kind in JOINT_KINDS),
+        "limp": lambda: tuple(f"leg_{leg}:limp" for leg in LEGS),
+        "triples": lambda: lost(3),
+    }
+
+
 def parse_names(text: str, task: str) -> tuple[str, ...]:
-    """Canonical names for a command line: ``task`` (`task_set`), ``all`` (`catalogue`), ``losses21``, or a comma list.
+    """Canonical names for a command line: a comma list of names and of `named_sets`, or of sets joined by ``+``.
+
+    What is in several of the sets is taken once.
 
     Raises:
-        ValueError: for a bad name, an unknown task, or a damage given twice.
+        ValueError: for a bad name, an unknown task, or a damage given twice by name.
     """
-    if text.strip() == "task":
-        return task_set(task)
-    if text.strip() == "all":
-        return catalogue()
-    if text.strip() == "losses21":
-        return losses21()
-    names = tuple(canonical(name) for name in text.split(","))
+    sets, names, united = named_sets(task), [], []
+    for item in (item.strip() for item in text.split(",")):
+        parts = [part.strip() for part in item.split("+")]
+        if all(part in sets for part in parts):
+            united += [name for part in parts for name in sets[part]()]
+        else:
+            names.append(canonical(item))
+            united.append(names[-1])
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"damage {text!r} names {name!r} more than once; each damage is accepted once.")
-    return names
+    return tuple(dict.fromkeys(united))
 
 
 def parse(name: str) -> tuple[Loss, ...]:

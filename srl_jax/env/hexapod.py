@@ -157,7 +157,8 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
-    A `full` observation adds base velocities (3 + 3), joint velocities (18) and height (1), which the robot lacks.
+    `rates` adds the gyroscope (3) and joint velocities (18); `full` base velocity (3, before them) and height (1, last)
+    too, for which the robot has no sensor.
     Joints of removed links read 0: no encoder answers for them, whatever the simulation's ghosts do.
     """
     frame, felt = rotation(state.qpos[3:7]), damages.present(damage)
@@ -171,17 +172,17 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     if robot.task == "p2p":
         parts.append(jnp.minimum(-tasks.distance("p2p", position, state.goal), 2.0)[None])
     parts += [-frame[2], jnp.where(felt, state.qpos[7:] - robot.stance[7:], 0.0)]
-    if robot.config.observation == "full":
-        parts += [
-            jnp.matmul(frame.T, state.qvel[:3], precision="highest"),
-            0.3 * state.qvel[3:6],
-            0.1 * jnp.where(felt, state.qvel[6:], 0.0),
-            10.0 * state.qpos[2:3],
-        ]
+    kind = robot.config.observation
+    if kind == "full":
+        parts.append(jnp.matmul(frame.T, state.qvel[:3], precision="highest"))
+    if kind != "onboard":
+        parts += [0.3 * state.qvel[3:6], 0.1 * jnp.where(felt, state.qvel[6:], 0.0)]
+    if kind == "full":
+        parts.append(10.0 * state.qpos[2:3])
     return jnp.concatenate(parts)
 
 
 def observation_size(task: str, config: EnvConfig) -> int:
     """O for a task and kind of observation."""
     onboard = 4 + (task == "p2p") + 3 + ACTION_SIZE
-    return onboard + (3 + 3 + ACTION_SIZE + 1 if config.observation == "full" else 0)
+    return onboard + {"onboard": 0, "rates": 3 + ACTION_SIZE, "full": 3 + 3 + ACTION_SIZE + 1}[config.observation]

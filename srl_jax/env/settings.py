@@ -17,8 +17,9 @@ class EnvConfig:
     as fast on a CPU. auto: star on a CPU, on an accelerator the faster of both, which is measured."""
     reward: Literal["dense", "sparse"] = "dense"
     """dense: progress, effort, goal and fall terms; sparse: 1 on reaching the goal, else 0."""
-    observation: Literal["full", "onboard"] = "full"
-    """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction)."""
+    observation: Literal["full", "onboard", "rates"] = "full"
+    """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction); rates: with what its
+    gyroscope and servos say of speeds; full: base velocity and height too, which no sensor of its has."""
     goal_ring: tuple[float, float] = (1.5, 1.9)
     """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15
@@ -27,6 +28,9 @@ class EnvConfig:
     """x and xy under the sparse reward: the displacement that counts as the goal."""
     start_noise: float = 0.05
     """Half-width of the uniform noise on the joint angles at reset, rad."""
+    stride_starts: float = 0.0
+    """Share of episodes that start in mid-stride: from a robot whose damage struck while it walked, a second ago at
+    most."""
     progress_weight: float = 50.0
     """Reward per metre of progress (20 Hz: 0.4 m/s earns 1 a step)."""
     effort_weight: float = 0.05

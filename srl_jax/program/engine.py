@@ -16,7 +16,8 @@ from srl_jax.agents import hyper as hypers
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
 from srl_jax.env.damage import Damage
-from srl_jax.env.hexapod import ACTION_SIZE
+from srl_jax.env.hexapod import ACTION_SIZE, EnvState
+from srl_jax.program import strides
 from srl_jax.program.act import init_world
 from srl_jax.program.lanes import Lane, Layout
 from srl_jax.program.randomness import lane_keys, per_robot
@@ -69,7 +70,7 @@ class Engine:
             first: number of the first robot's episode; the i-th episode's start depends on i, not on E.
             limit: episodes from this number on are not counted by a tally of first episodes.
         """
-        return self._new_world(lanes.key, lanes.damage, jnp.int32(first), jnp.int32(limit))
+        return self._new_world(lanes.key, lanes.damage, lanes.starts, jnp.int32(first), jnp.int32(limit))
 
     def gauges(self, agents: dict[str, Any]) -> dict[str, Measured]:
         """The running totals of the agents that have some, by metric."""
@@ -90,8 +91,10 @@ def refuse_deadlock(compiled: Any, devices: int) -> None:
         )
 
 
-def _new_world(program: Program, keys: jax.Array, damage: Damage, first: jax.Array, limit: jax.Array) -> World:
-    world = init_world(program, per_robot(keys, first, program.environments), damage)
+def _new_world(
+    program: Program, keys: jax.Array, damage: Damage, starts: EnvState | None, first: jax.Array, limit: jax.Array
+) -> World:
+    world = init_world(program, per_robot(keys, first, program.environments), damage, starts)
     beyond = (first + jnp.arange(program.environments) >= limit).astype(jnp.float32)
     finished = jnp.broadcast_to(beyond[None], keys.shape + beyond.shape)
     return world._replace(episode=world.episode._replace(finished=finished))
@@ -115,12 +118,14 @@ def lane_data(
     """
     layout = program.layout
     chosen = {algo: [dict(lane.variant) for lane in layout.of(algo)] for algo in layout.algos}
+    damage = damage_rows(damage_names)
     data = LaneData(
         key=lane_keys(layout.rows, stream),
-        damage=damage_rows(damage_names),
+        damage=damage,
         hyper={algo: hypers.stack(settings[algo], rows) for algo, rows in chosen.items()},
         teachers=tuple(params(layout.rows) for params in teachers),
         prior=empty_prior(program),
+        starts=in_mid_stride(program, damage),
     )
     return on_rows(program, data)
 
@@ -135,7 +140,15 @@ def damage_rows(names: Sequence[str]) -> Damage:
 
 def with_damage(program: Program, lanes: LaneData, names: Sequence[str]) -> LaneData:
     """The same rows under other damage, one name per row."""
-    return lanes._replace(damage=on_rows(program, damage_rows(names)))
+    damage = damage_rows(names)
+    return lanes._replace(**on_rows(program, {"damage": damage, "starts": in_mid_stride(program, damage)}))
+
+
+def in_mid_stride(program: Program, damage: Damage) -> EnvState | None:
+    """Robots of every row that walked when their damage struck, where some episodes start from such."""
+    if program.robot.config.stride_starts == 0.0:
+        return None
+    return strides.make(program.robot, damage, lane_keys(program.layout.rows, "strides"))
 
 
 def with_stream(program: Program, lanes: LaneData, stream: str) -> LaneData:

@@ -53,6 +53,7 @@ class LaneData(NamedTuple):
     hyper: dict[str, Hyper]  # leaves [n]
     teachers: tuple[Params, ...]  # parameters of each teacher, leaves [R, ...]
     prior: dict[str, Transition]  # leaves [n, P, ...]: healthy transitions, for algorithms that replay them
+    starts: EnvState | None = None  # leaves [R, S, ...]: robots in mid-stride, where some episodes start from such
 
 
 class Episode(NamedTuple):

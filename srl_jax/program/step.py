@@ -138,7 +138,7 @@ def auto_reset(
 ) -> World:
     """Starts a new episode where one has ended; the robots of a frozen lane stay where they were."""
     keys = per_robot(at_step(lanes.key, state.clock, Stream.RESET), 0, program.environments)
-    fresh = init_world(program, keys, lanes.damage)._replace(episode=after.episode)
+    fresh = init_world(program, keys, lanes.damage, lanes.starts)._replace(episode=after.episode)
     done = step.terminated | step.truncated
 
     def pick(old: jax.Array, new: jax.Array, start: jax.Array) -> jax.Array:

@@ -1,0 +1,129 @@
+"""How soon a robot walks on after its damage: who chooses how, speed retained and falls, from the moment it strikes.
+
+    python -m experiments.recovery runs/atlas-.../atlas.npz --damages losses21 --left-out
+
+Robots are C MuJoCo at 2 ms and 50 iterations on another floor, with noisy sensors; the damage strikes in mid-stride and
+robot time counts from there. A robot that falls is not recovered. Thresholds: recovered is no fall, and half of the
+speed that the healthy robot keeps in the same world under its own policy.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from srl_jax.atlas import file, recovery
+from srl_jax.atlas.file import Atlas
+from srl_jax.atlas.recovery import Scope, Settings, Story
+from srl_jax.atlas.robots import CRobot, World
+from srl_jax.cli.devices import use_devices
+from srl_jax.cli.ending import leave
+from srl_jax.env import damage_names
+from srl_jax.statistics import iqm, stratified_interval
+
+HZ = 20
+STRIKE = (20, 40)  # control steps of healthy walking before the damage
+WINDOWS = ((0.0, 1.0), (2.0, 7.0), (5.0, 10.0))  # seconds after the damage over which speed is taken
+LOOKS = (0.2, 0.5, 1.0, 2.0)  # seconds after the damage at which the posterior is read
+RULES = ("greedy", "thompson", "likeliest", "uniform")
+
+
+@dataclass(frozen=True)
+class Args:
+    """Damages every robot in mid-stride, and measures how it goes on."""
+
+    atlas: tyro.conf.Positional[Path]
+    damages: str = "losses21"  # names and sets, as --damage of a run
+    seeds: int = 3  # robots of each damage
+    left_out: bool = False  # each damage is left out of the atlas for its own robots: hypotheses and policies
+    friction: float = 0.8  # share of the atlas' own
+    rules: str = ",".join(RULES)  # of choice, beside the oracle and the policy of the healthy
+
+
+def robots(names: Sequence[str], seeds: int, world: World) -> list[CRobot]:
+    """One robot for every damage and seed; the same for all rules."""
+    random = np.random.default_rng(0)
+    return [CRobot(name, int(random.integers(*STRIKE)), seed, world) for name in names for seed in range(seeds)]
+
+
+def scopes(atlas: Atlas, bodies: Sequence[CRobot], left_out: bool, told: str, step: int) -> list[Scope]:
+    """What each robot may use of the atlas; whom the oracle names once the damage has struck."""
+    healthy, value = int(np.argmax(atlas.value[:, 0])), atlas.value
+    found = []
+    for body in bodies:
+        own = recovery.scope(atlas, [body.damage] if left_out else [])
+        index = healthy
+        if told == "oracle" and step >= body.strike and body.damage in atlas.damages:
+            worth = np.where(own.policies, value[:, atlas.damages.index(body.damage)], -np.inf)
+            index = int(np.argmax(worth))
+        found.append(own._replace(told=np.int32(index)))
+    return found
+
+
+def retained(bodies: Sequence[CRobot], window: tuple[float, float], healthy: float) -> np.ndarray:
+    """Share of the healthy speed f64[N] over seconds after the damage; 0 for a robot that fell."""
+    first, last = (round(HZ * second) for second in window)
+    speeds = [(b.positions[b.strike + last - 1][0] - b.positions[b.strike + first - 1][0]) for b in bodies]
+    kept = np.array(speeds) / (window[1] - window[0]) / healthy
+    return np.where([b.fell for b in bodies], 0.0, kept)
+
+
+def named(atlas: Atlas, bodies: Sequence[CRobot], story: Story, seconds: float) -> tuple[float, float]:
+    """How often the damage was named first, and how often the policy in command was within 10 % of the best."""
+    right, good = [], []
+    for i, body in enumerate(bodies):
+        if body.damage not in atlas.damages:
+            continue
+        step, column = body.strike + round(seconds * HZ), atlas.damages.index(body.damage)
+        right.append(np.argmax(story.log_belief[step, i]) == column)
+        good.append(atlas.value[story.policy[step, i], column] >= 0.9 * atlas.value[:, column].max())
+    return float(np.mean(right)), float(np.mean(good))
+
+
+def main(args: Args) -> None:
+    """Walks all robots by every rule and prints the table.
+
+    Raises:
+        ValueError: the atlas cannot be read, or a damage has no meaning.
+    """
+    if args.seeds < 1:
+        raise ValueError(f"seeds is {args.seeds}: at least 1 is needed.")
+    use_devices("1", solves=False)
+    atlas = file.load(args.atlas)
+    names, world = damage_names.parse_names(args.damages, atlas.about["task"]), World(friction=args.friction)
+    seconds = (STRIKE[1] + 1) / HZ + WINDOWS[-1][1]
+    sound = robots(["healthy"], args.seeds, world)
+    recovery.run(atlas, sound, seconds=seconds, settings=Settings(rule="told"))
+    healthy = float(np.mean([b.positions[-1][0] - b.positions[39][0] for b in sound]) / (seconds - 2.0))
+    print(f"{len(names)} damages x {args.seeds} robots; the healthy robot walks {healthy:.3f} m/s in this world.")
+    spans = "  ".join(f"{first:g}-{last:g} s" + " " * 12 for first, last in WINDOWS)
+    print(f"{'rule':<10} {spans} recovered  falls")
+    for rule in ("oracle", "healthy", *args.rules.split(",")):
+        bodies = robots(names, args.seeds, world)
+        told = rule in ("oracle", "healthy")
+        story = recovery.run(
+            atlas,
+            bodies,
+            seconds=seconds,
+            settings=Settings(rule="told" if told else rule),
+            scopes=partial(scopes, atlas, bodies, args.left_out, rule),
+        )
+        cells = []
+        for window in WINDOWS:
+            grid = retained(bodies, window, healthy).reshape(len(names), args.seeds).T
+            low, high = stratified_interval(grid, iqm)
+            cells.append(f"{iqm(grid):.2f} [{low:.2f}, {high:.2f}]")
+        last = retained(bodies, WINDOWS[-1], healthy)
+        fell = np.mean([b.fell for b in bodies])
+        print(f"{rule:<10} {'  '.join(f'{cell:<17}' for cell in cells)}  {np.mean(last >= 0.5):.2f}       {fell:.2f}")
+        if rule == "greedy":
+            looks = [f"{s:g} s {a:.2f} / {b:.2f}" for s in LOOKS for a, b in [named(atlas, bodies, story, s)]]
+    if "greedy" in args.rules.split(","):
+        print("damage named first / policy within 10 % of the best:", ", ".join(looks))
+
+
+if __name__ == "__main__":
+    leave(main, tyro.cli(Args))

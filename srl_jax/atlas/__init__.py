@@ -1,0 +1,1 @@
+"""A policy for every damage, made before any happens; after it, the posterior over damages, and who walks."""

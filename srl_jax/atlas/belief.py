@@ -1,0 +1,70 @@
+"""The posterior over damages of a robot that just walks on: a hidden Markov model over who explains what is felt.
+
+Every control step brings a residual of each hypothesis (`tracking`). Its likelihood is normal with a covariance that
+was fitted under changed dynamics, so that other floors and masses are no evidence; it is tempered, since errors of
+neighbouring steps are much alike. Damage may strike at any step with a small chance (the hazard), which makes the same
+recursion the detector of a change. Beside the hypotheses stands 'none of these', which predicts as the best of them
+does, but several times as vaguely.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.special import logsumexp
+
+from srl_jax.atlas.senses import SIZE
+
+
+class Likelihood(NamedTuple):
+    """How residuals tell hypotheses apart; the file of an atlas holds what was fitted."""
+
+    whitening: jax.Array  # f32[24, 24] L with L C L' = 1, C the covariance of a true hypothesis' residuals
+    tempering: float = 4.0  # steps whose errors count as one
+    vague: float = 2.0  # times the standard deviation with which 'none of these' predicts
+    most: float = 400.0  # squared norm beyond which a residual says no more: one bad reading must not decide
+    mistaken: float = 0.05  # chance that a servo which is there does not answer, or one that is gone does
+    hazard: float = 0.01  # chance a step that the damage changes
+
+
+class Belief(NamedTuple):
+    """Log-probabilities f32[D + 1], normalised; the last is of 'none of these'."""
+
+    log: jax.Array
+
+
+def even(admitted: jax.Array) -> jax.Array:
+    """Log-probabilities f32[D + 1], the same for every admitted bool[D] hypothesis and for 'none of these'."""
+    among = jnp.append(admitted, True)
+    return jnp.where(among, -jnp.log(jnp.sum(among)), -jnp.inf)
+
+
+def prior(log_even: jax.Array, healthy: float = 0.99) -> Belief:
+    """At the start: the first hypothesis is that of the healthy robot, which has this share; the rest has `even`'s."""
+    return Belief(
+        jnp.logaddexp(jnp.log1p(-healthy) + log_even, jnp.full_like(log_even, -jnp.inf).at[0].set(jnp.log(healthy)))
+    )
+
+
+def log_likelihood(errors: jax.Array, unexpected: jax.Array, admitted: jax.Array, likelihood: Likelihood) -> jax.Array:
+    """Of D hypotheses and 'none of these', up to a constant: f32[D + 1].
+
+    Args:
+        errors: f32[D, 24] residuals.
+        unexpected: i32[D] servos whose silence or answer a hypothesis did not expect.
+        admitted: bool[D] hypotheses; none of the others lends its prediction to 'none of these'.
+        likelihood: as fitted.
+    """
+    white = errors @ likelihood.whitening.T
+    squares = jnp.minimum(jnp.sum(jnp.square(white), axis=1), likelihood.most)
+    odds = jnp.log(likelihood.mistaken) - jnp.log1p(-likelihood.mistaken)
+    own = -0.5 * squares + odds * unexpected
+    vaguely = -0.5 * squares / likelihood.vague**2 - SIZE * jnp.log(likelihood.vague) + odds * unexpected
+    none = jnp.max(jnp.where(admitted, vaguely, -jnp.inf))
+    return jnp.concatenate([own, none[None]]) / likelihood.tempering
+
+
+def update(belief: Belief, log_likelihoods: jax.Array, log_even: jax.Array, hazard: jax.Array | float) -> Belief:
+    """One step: the damage may have changed to any other that `even` admits, then Bayes' rule."""
+    total = jnp.logaddexp(jnp.log1p(-hazard) + belief.log, jnp.log(hazard) + log_even) + log_likelihoods
+    return Belief(total - logsumexp(total))

@@ -1,0 +1,90 @@
+"""The file of an atlas: policies, who walks how well under which damage, and how the senses tell damages apart."""
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from srl_jax.agents.settings import DDPGConfig
+from srl_jax.env import damage_names
+from srl_jax.types import Params
+
+ACTOR = "actor"  # what the names of a network's arrays begin with
+
+
+class Atlas(NamedTuple):
+    """I policies and D damages; with one seed a damage, I = D and policy i was trained for damage i."""
+
+    damages: tuple[str, ...]  # D canonical names, healthy first
+    trained_for: tuple[str, ...]  # I of them, by policy
+    actors: Params  # leaves [I, ...]
+    speed: np.ndarray  # f32[I, D] m/s that policy i keeps under damage d, its falls counted as they came
+    falls: np.ndarray  # f32[I, D] share of the walks in which it fell
+    whitening: np.ndarray  # f32[24, 24] of the residuals, see `belief.Likelihood`
+    about: dict[str, Any]  # task, observation, clock_hz, hidden, layer_norm; the command, steps, versions
+
+    @property
+    def network(self) -> DDPGConfig:
+        """The architecture of the policies."""
+        return DDPGConfig(hidden=tuple(self.about["hidden"]), layer_norm=self.about["layer_norm"])
+
+    @property
+    def value(self) -> np.ndarray:
+        """f32[I, D] what a policy is worth under a damage: its share of the healthy speed, nothing where it falls."""
+        return self.speed * (1.0 - self.falls) / self.healthy_speed
+
+    @property
+    def healthy_speed(self) -> float:
+        """m/s of the healthy robot under the policy that was trained on it."""
+        return float(self.speed[self.trained_for.index(damage_names.HEALTHY), 0])
+
+
+def save(path: Path, atlas: Atlas, *, half: bool = True) -> None:
+    """Writes a compressed .npz, all of the file or nothing of it; networks at half precision unless told otherwise."""
+    leaves = jax.tree.leaves_with_path(atlas.actors)
+    names = ["/".join((ACTOR, *(str(key.key) for key in keys))) for keys, _ in leaves]
+    kept = np.float16 if half else np.float32
+    arrays = {name: np.asarray(leaf, kept) for name, (_, leaf) in zip(names, leaves, strict=True)}
+    arrays |= {name: np.asarray(getattr(atlas, name), np.float32) for name in ("speed", "falls", "whitening")}
+    about = atlas.about | {"damages": atlas.damages, "trained_for": atlas.trained_for}
+    partial = path.with_suffix(".partial")
+    with partial.open("wb") as file:
+        np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)  # pyright: ignore[reportArgumentType]
+    partial.replace(path)
+
+
+def load(path: str | Path) -> Atlas:
+    """The atlas in a file.
+
+    Raises:
+        ValueError: there is no such file, or it is no atlas.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file, np.load(file) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        about = json.loads(str(arrays.pop("about")))
+        damages, trained_for = tuple(about.pop("damages")), tuple(about.pop("trained_for"))
+        parts = {name: arrays.pop(name) for name in ("speed", "falls", "whitening")}
+    except FileNotFoundError:
+        raise ValueError(f"{path} does not exist: make an atlas with python -m srl_jax.atlas.") from None
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} cannot be read as an atlas ({type(error).__name__}).") from error
+    if parts["speed"].shape != (len(trained_for), len(damages)) or parts["falls"].shape != parts["speed"].shape:
+        raise ValueError(f"{path} is damaged: its matrix has not a row a policy and a column a damage.")
+    return Atlas(damages, trained_for, _nested(arrays), **parts, about=about)
+
+
+def _nested(arrays: dict[str, np.ndarray]) -> Params:
+    tree: dict[str, Any] = {}
+    for name, array in arrays.items():
+        _, *above, last = name.split("/")
+        branch = tree
+        for key in above:
+            branch = branch.setdefault(key, {})
+        branch[last] = jnp.asarray(array, jnp.float32)
+    return tree

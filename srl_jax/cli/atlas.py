@@ -1,0 +1,116 @@
+"""The verb ``atlas``: ``srl-jax atlas --damages all`` trains a policy for every damage, before any happens."""
+
+import shlex
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from srl_jax.cli.ending import leave
+from srl_jax.cli.run import devices_of, quiet
+from srl_jax.cli.signals import StopSignals
+from srl_jax.config import Config, preset
+from srl_jax.job import plan
+from srl_jax.job.files import read_config
+
+PROGRAM = "srl-jax atlas"
+NAME = "atlas.npz"
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Train a policy for every damage in one program, judge all of them under all damages, and write one file."""
+
+    damages: str = "all"
+    """As --damage of a run: names and sets, such as all,triples or losses21+joints. The healthy robot is added."""
+    task: Literal["x", "p2p"] = "x"
+    """What the policies do."""
+    seeds: str = "1"
+    """Policies of each damage: a count or a list."""
+    steps: int = 150_000
+    """Environment steps of each policy."""
+    observation: Literal["onboard", "rates"] = "onboard"
+    """What the policies see: encoders, gravity and clock; rates: with gyroscope and joint speeds."""
+    stride_starts: float = 0.5
+    """Share of episodes that start in mid-stride, where the damage has just struck."""
+    guidance_weight: float = 1.0
+    """Weight of the tripod's guidance (--srl.guidance-weight)."""
+    preset: Literal["default", "smoke"] = "default"
+    """smoke: as small as it gets."""
+    out: str = ""
+    """Directory of the run and the file; runs/atlas-<date> if empty."""
+    resume: str = ""
+    """Directory to go on with; its settings are kept."""
+    devices: str = "auto"
+    """Devices the lanes are laid over: auto or a number."""
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Parses the command line, trains, judges, writes; exits as `leave` says."""
+    leave(_main, sys.argv[1:] if argv is None else argv)
+
+
+def _main(argv: list[str]) -> int:
+    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
+    config = replace(read_config(Path(arguments.resume))[0] if arguments.resume else configured(arguments))
+    directory = Path(arguments.resume or arguments.out or f"runs/atlas-{time.strftime('%Y%m%d-%H%M%S')}")
+    devices, stop = devices_of(config), StopSignals()
+    quiet()
+
+    from srl_jax.cli.progress import Display
+    from srl_jax.job import atlas
+    from srl_jax.job.run import run  # jax starts here, after the devices are known
+
+    finished = arguments.resume and (directory / "summary.json").exists()
+    if not finished:
+        with Display() as display:
+            summary = run(
+                config,
+                directory,
+                devices,
+                exact=bool(arguments.out),
+                resume=bool(arguments.resume),
+                listener=display.update,
+                stopped=stop.requested,
+            )
+        directory = display.directory
+        if summary is None:
+            print(f"Stopped and saved. Go on with: {PROGRAM} --resume {directory}")
+            return 128 + stop.number
+        display.closing(summary)
+    print(f"Judging {len(plan.make(config).lanes)} policies under every damage.", flush=True)
+    made = atlas.from_run(directory, directory / NAME, command=shlex.join([*PROGRAM.split(), *argv]))
+    best = made.value.max(axis=0)
+    print(f"{directory / NAME}: {len(made.trained_for)} policies, {len(made.damages)} damages.")
+    print(f"The best policy for a damage keeps {best.mean():.2f} of the healthy speed, {best.min():.2f} at worst.")
+    return 0
+
+
+def configured(arguments: Arguments) -> Config:
+    """The run that trains an atlas' policies.
+
+    Raises:
+        ValueError: damages, seeds or steps are none.
+    """
+    base = preset(arguments.preset)
+    env = replace(base.env, observation=arguments.observation, stride_starts=arguments.stride_starts)
+    unit = base.train.evaluate_every
+    every = max(unit, arguments.steps // 10 // unit * unit)
+    train = replace(base.train, evaluate_every=every, checkpoint_every=every)
+    config = replace(
+        base,
+        task=arguments.task,
+        algos="srl",
+        seeds=arguments.seeds,
+        steps=arguments.steps,
+        damage=arguments.damages,
+        devices=arguments.devices,
+        env=env,
+        train=train,
+        srl=replace(base.srl, guidance_weight=(arguments.guidance_weight,)),
+    )
+    names = plan.parse_damages(config)
+    return config if "healthy" in names else replace(config, damage=f"healthy,{arguments.damages}")

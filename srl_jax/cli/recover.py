@@ -1,0 +1,52 @@
+"""The verb ``recover``: one robot walks, loses a leg in mid-stride, finds out and walks on."""
+
+import sys
+from dataclasses import dataclass
+from typing import Literal
+
+import tyro
+
+from srl_jax.cli.devices import use_devices
+from srl_jax.cli.ending import leave
+
+PROGRAM = "srl-jax recover"
+SHOWN = 4  # control steps between two lines
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """The whole story for one robot: it walks, the damage strikes, the posterior moves, another policy takes over."""
+
+    atlas: str
+    """The file of an atlas (python -m srl_jax.atlas)."""
+    damage: str = "random"
+    """A name such as leg_rm+leg_lf, or random: one of the atlas' own."""
+    strike: float = 2.0
+    """Seconds of healthy walking before it."""
+    seconds: float = 10.0
+    """In all."""
+    rule: Literal["greedy", "thompson", "likeliest", "uniform"] = "greedy"
+    """How a policy is chosen from the posterior."""
+    friction: float = 0.8
+    """Of the floor, as a share of the atlas' own."""
+    seed: int = 0
+    """Of the robot's sensors and draws."""
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Parses the command line and tells the story as it happens; exits as `leave` says."""
+    leave(_main, sys.argv[1:] if argv is None else argv)
+
+
+def _main(argv: list[str]) -> int:
+    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
+    if not 0.0 <= arguments.strike < arguments.seconds:
+        raise ValueError(
+            f"strike is {arguments.strike}: it must be at least 0 and less than seconds={arguments.seconds}."
+        )
+    use_devices("1", solves=False)
+
+    from srl_jax.cli.story import tell  # jax starts here
+
+    tell(arguments)
+    return 0

@@ -1,0 +1,58 @@
+"""How the story of a recovery is told in a terminal, line by line as it happens."""
+
+import random
+from typing import Any
+
+import numpy as np
+
+from srl_jax.atlas import file, recovery
+from srl_jax.atlas.recovery import Memory
+from srl_jax.atlas.robots import CRobot, World
+from srl_jax.env import damage_names
+from srl_jax.env.hexapod import CONTROL_HZ
+
+EVERY = 4  # control steps between two lines
+WINDOW = 20  # control steps over which a speed is shown
+
+
+def tell(arguments: Any) -> None:
+    """Runs the robot of a command line, and prints what it thinks five times a second.
+
+    Raises:
+        ValueError: the atlas cannot be read, or the damage has no meaning.
+    """
+    atlas = file.load(arguments.atlas)
+    damage = arguments.damage
+    if damage == "random":
+        damage = random.Random(arguments.seed).choice(atlas.damages[1:])
+    damage = damage_names.canonical(damage)
+    strike = round(arguments.strike * CONTROL_HZ)
+    robot = CRobot(damage, strike, arguments.seed, World(friction=arguments.friction))
+    known = "is in the atlas" if damage in atlas.damages else "was never foreseen"
+    print(f"{damage} strikes after {arguments.strike:g} s; it {known}.")
+    print(f"{'s':>5} {'m/s':>5}  {'walks by the policy for':<24} {'what it holds likely'}")
+    names = (*atlas.damages, "none of these")
+
+    def watch(memory: Memory) -> None:
+        step = len(robot.positions)
+        if step % EVERY == 0:
+            belief = np.exp(np.asarray(memory.belief.log[0]))
+            likely = ", ".join(f"{names[i]} {belief[i]:.2f}" for i in np.argsort(-belief)[:3] if belief[i] >= 0.005)
+            policy = atlas.trained_for[int(memory.choice.policy[0])]
+            mark = "*" if step == strike else " "
+            print(f"{step / CONTROL_HZ:5.1f}{mark}{speed(robot, step):5.2f}  {policy:<24} {likely}", flush=True)
+
+    settings = recovery.Settings(rule=arguments.rule)
+    recovery.run(atlas, [robot], seconds=arguments.seconds, settings=settings, seed=arguments.seed, watch=watch)
+    end = len(robot.positions)
+    before, after = speed(robot, strike), speed(robot, end, window=min(100, end - strike))
+    fell = ", and it fell" if robot.fell else ""
+    print(f"Before {before:.2f} m/s, in the last {min(100, end - strike) / CONTROL_HZ:g} s {after:.2f} m/s{fell}.")
+
+
+def speed(robot: CRobot, step: int, window: int = WINDOW) -> float:
+    """m/s along x over the control steps before `step`."""
+    first = max(step - window, 0)
+    if step - first < 2:
+        return 0.0
+    return float(robot.positions[step - 1][0] - robot.positions[first][0]) * CONTROL_HZ / (step - 1 - first)

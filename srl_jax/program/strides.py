@@ -1,0 +1,62 @@
+"""Where a policy must take over: robots that were walking when their damage struck, as starts of episodes.
+
+A healthy robot walks by the tripod for half a second to two, its damage strikes, and the tripod goes on for up to a
+second, as a robot would that does not yet know. What comes of it, at any phase, turned and crouched, is kept.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.env import damage as damages
+from srl_jax.env import damage_names, hexapod
+from srl_jax.env.damage import Damage
+from srl_jax.env.hexapod import EnvState, Hexapod
+from srl_jax.program.state import tuned_tripod
+
+COUNT = 32  # of every row
+WALK = (10, 40)  # control steps before the damage strikes
+UNAWARE = 20  # control steps at most that the tripod goes on after it
+TAKE, PICK = 2, 3  # of a robot's key: whether it starts in mid-stride, and from which
+
+
+def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:
+    """One robot, at the origin, some time after its damage has struck in mid-stride; a standing one where it fell."""
+    reset_key, walk_key, unaware_key = jax.random.split(key, 3)
+    struck = jax.random.randint(walk_key, (), *WALK)
+    end = struck + jax.random.randint(unaware_key, (), 0, UNAWARE + 1)
+    healthy = jax.tree.map(jnp.asarray, damages.build(damage_names.HEALTHY))
+    standing, _ = hexapod.reset(robot, damage, reset_key)
+    begun, _ = hexapod.reset(robot, healthy, reset_key)
+
+    def advance(t: jax.Array, carry: tuple[EnvState, jax.Array]) -> tuple[EnvState, jax.Array]:
+        state, upright = carry
+        present = jax.tree.map(lambda old, new: jnp.where(t < struck, old, new), healthy, damage)
+        reached, out = hexapod.step(robot, present, state, tuned_tripod()(hexapod.observe(robot, present, state)))
+        state = jax.tree.map(lambda old, new: jnp.where(t < end, new, old), state, reached)
+        return state, upright & ~(out.fell & (t < end))
+
+    walked, upright = jax.lax.fori_loop(0, WALK[1] + UNAWARE, advance, (begun, jnp.bool_(True)))
+    upright &= jnp.isfinite(walked.qpos).all() & jnp.isfinite(walked.qvel).all()
+    walked = walked._replace(qpos=walked.qpos.at[:2].set(0.0))
+    return jax.tree.map(lambda old, new: jnp.where(upright, new, old), standing, walked)
+
+
+def make(robot: Hexapod, damage: Damage, keys: jax.Array) -> EnvState:
+    """`COUNT` such robots of every row: leaves [R, COUNT, ...], from damages [R, ...] and keys key[R]."""
+
+    @jax.jit
+    def walk(damage: Damage, keys: jax.Array) -> EnvState:
+        each = jax.vmap(lambda key: jax.random.split(key, COUNT))(keys)
+        return jax.vmap(jax.vmap(partial(after_strike, robot), (None, 0)))(damage, each)
+
+    return walk(jax.tree.map(jnp.asarray, damage), keys)
+
+
+def begin(robot: Hexapod, starts: EnvState, fresh: EnvState, key: jax.Array) -> EnvState:
+    """`fresh`, or with the chance of `stride_starts` one of its row's `starts` with the goal of `fresh`."""
+    index = jax.random.randint(jax.random.fold_in(key, PICK), (), 0, COUNT)
+    taken = jax.random.bernoulli(jax.random.fold_in(key, TAKE), robot.config.stride_starts)
+    walking = jax.tree.map(lambda leaf: leaf[index], starts)._replace(steps=fresh.steps, goal=fresh.goal)
+    return jax.tree.map(lambda old, new: jnp.where(taken, new, old), fresh, walking)
