@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 SWEEP = [sys.executable, "-m", "srl_jax.sweep"]
@@ -31,7 +32,6 @@ class Cluster:
 
     def __init__(self, work: Path, rng: random.Random):
         self.work, self.sweep, self.rng = work, work / "sweep", rng
-        self.quiet = threading.Event()  # while set, nothing is hastened
 
     def jobs(self) -> dict[int, tuple[str, str]]:
         """pack -> job and node of the task that Slurm says is running."""
@@ -60,15 +60,14 @@ class Cluster:
         return int(rows[-1].split(",")[0]) if len(rows) > 1 else -1
 
     def hasten(self) -> None:
-        """Begins what Slurm holds back, with all of its time."""
+        """Begins what Slurm holds back, with all of its time; not at once: a node refuses what it has just killed."""
         while True:
             time.sleep(0.5)
-            if self.quiet.is_set():
-                continue
-            for line in said("squeue", "--noheader", "--array", "--states=PENDING", "--format=%i %r").splitlines():
-                job, reason = line.split(maxsplit=1)
-                if "Dependency" not in reason and "_" in job:
-                    said("scontrol", "update", f"JobId={job}", "StartTime=now", f"TimeLimit={LIMIT}")
+            lines = said("squeue", "--noheader", "--array", "--states=PENDING", "--format=%i %S %r").splitlines()
+            for job, start, reason in (line.split(maxsplit=2) for line in lines):
+                held = reason != "Dependency" and start != "N/A"
+                if held and (datetime.fromisoformat(start) - datetime.now()).total_seconds() > 10:
+                    said("scontrol", "update", f"JobId={job}", "StartTime=now+3", f"TimeLimit={LIMIT}")
 
     def victim(self) -> tuple[int, int, str, str]:
         """A pack whose task runs: its number, process, job and node; empty-handed (-1) when the sweep is over."""

@@ -27,7 +27,9 @@ stop() {
     [ "$code" = 0 ] || tail -n 30 "$work"/*.log "$work"/*/slurm/*.out "$work"/*/tasks/*/{log,attempts.jsonl} 2>/dev/null || true
     for pid in "$work"/*.pid "$work"/munge/pid; do [ -f "$pid" ] && kill -9 "$(cat "$pid")" 2>/dev/null || true; done
     # Then what they started: slurmstepd and its tasks have this cluster's configuration in their environment.
-    grep -lz "^SLURM_CONF=$SLURM_CONF\$" /proc/[0-9]*/environ 2>/dev/null | cut -d/ -f3 | xargs -r kill -9 2>/dev/null || true
+    for about in /proc/[0-9]*/environ; do
+        grep -qz "^SLURM_CONF=$SLURM_CONF\$" "$about" 2>/dev/null && kill -9 "$(basename "$(dirname "$about")")" 2>/dev/null || true
+    done
     umount "$work"/*/packs/* "$work/disk" 2>/dev/null || true  # of tests of full disks
     rm -rf "$work"
     exit "$code"
@@ -71,6 +73,7 @@ ReturnToService=2
 PreemptType=preempt/partition_prio
 PreemptMode=REQUEUE
 SlurmctldParameters=preempt_send_user_signal
+SchedulerParameters=sched_interval=2
 NodeName=n[1-2] NodeHostname=$host NodeAddr=127.0.0.1 Port=[17001-17002] CPUs=1 RealMemory=8000
 PartitionName=cpu Nodes=ALL Default=YES State=UP PriorityTier=1 GraceTime=10
 PartitionName=urgent Nodes=ALL State=UP PriorityTier=10 PreemptMode=OFF
@@ -88,11 +91,14 @@ CONF
     sinfo --Node
 }
 
-# Slurm holds a requeued job for two minutes; here it begins at once.
+# Slurm holds a requeued job for two minutes; here it begins after some seconds. At once would be too early: the node
+# refuses what it has only just killed, and the job is lost.
 hasten() {
-    local job
-    for job in $(squeue --noheader --array --format=%i --states=PENDING); do
-        scontrol update "JobId=$job" StartTime=now 2>/dev/null || true
+    local job reason start
+    squeue --noheader --array --states=PENDING --format='%i %S %r' | while read -r job start reason; do
+        if [ "$reason" != Dependency ] && [ "$start" != N/A ] && [ "$(date -d "$start" +%s)" -gt $(($(date +%s) + 10)) ]; then
+            scontrol update "JobId=$job" StartTime=now+3 2>/dev/null || true
+        fi
     done
 }
 

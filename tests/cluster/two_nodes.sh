@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# How much faster two nodes of one core each are than one: the same sweep of equal packs first on one node, then on two,
+# on a private Slurm cluster; prints lanes a second, apart from compiling, and their ratio. The machine has to be idle.
+#
+#     tests/cluster/two_nodes.sh [half of the packs, 3] [steps, 200000]
+source "$(dirname "${BASH_SOURCE[0]}")/private_slurm.sh"
+[ "$(nproc)" -ge 2 ] || { echo "skipped: this needs two cores"; exit 0; }
+bring_up
+
+packs=$((2 * ${1:-3}))
+options=(--preset smoke --seeds "$packs" --steps "${2:-200000}" --train.evaluate-every 20000 --train.checkpoint-every 20000
+    --evaluation.episodes 2 --pack-lanes 2 --cpus 1 --engine slurm --time 60)
+
+# Compile once, for both.
+sweep "${options[@]}" --partition one --out "$work/warm" --plan-only
+sweep --out "$work/warm" --run-pack 0 > /dev/null
+
+# From the first task's begin to the last one's end, in seconds: compiling and the merge are apart.
+for partition in one cpu; do
+    sweep "${options[@]}" --partition "$partition" --out "$work/$partition" --plan-only > /dev/null
+    ln -s "$work/warm/cache" "$work/$partition/cache"
+    sweep --out "$work/$partition" --resume
+    finished
+done
+"$python" - "$work" "$packs" <<'PY'
+import json, pathlib, sys
+from datetime import datetime
+
+rates = {}
+for partition, nodes in (("one", 1), ("cpu", 2)):
+    paths = list(pathlib.Path(sys.argv[1], partition, "tasks").glob("*/attempts.jsonl"))
+    times = [datetime.fromisoformat(json.loads(line)["at"]) for path in paths for line in path.read_text().splitlines()]
+    assert len(times) == 2 * int(sys.argv[2]), "every pack is begun and ended once"
+    took = (max(times) - min(times)).total_seconds()
+    rates[nodes] = 2 * int(sys.argv[2]) / took
+    print(f"{nodes} node{'s' if nodes > 1 else ''}: {took:.0f} s, {rates[nodes]:.4f} lanes/s")
+print(f"two nodes against twice one: {rates[2] / rates[1] / 2:.1%}")
+PY
