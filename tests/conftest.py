@@ -141,3 +141,11 @@ def smoke_run(tmp_path_factory):
             made.write_text(json.dumps([str(directory), summary, len(traces)]))
     directory, summary, traces = json.loads(made.read_text())
     return Path(directory), summary, traces
+
+
+@pytest.fixture(scope="session")
+def atlas():
+    """See `tests.atlas.untrained`."""
+    from tests.atlas import untrained
+
+    return untrained.make()

@@ -58,10 +58,11 @@ def log_likelihood(errors: jax.Array, unexpected: jax.Array, admitted: jax.Array
     white = errors @ likelihood.whitening.T
     squares = jnp.minimum(jnp.sum(jnp.square(white), axis=1), likelihood.most)
     odds = jnp.log(likelihood.mistaken) - jnp.log1p(-likelihood.mistaken)
-    own = -0.5 * squares + odds * unexpected
-    vaguely = -0.5 * squares / likelihood.vague**2 - SIZE * jnp.log(likelihood.vague) + odds * unexpected
-    none = jnp.max(jnp.where(admitted, vaguely, -jnp.inf))
-    return jnp.concatenate([own, none[None]]) / likelihood.tempering
+    vaguely = -0.5 * squares / likelihood.vague**2 - SIZE * jnp.log(likelihood.vague)
+    # Packets are lost one by one, so silence is not tempered; 'none of these' takes any pattern of it for one mistake.
+    own = -0.5 * squares / likelihood.tempering + odds * unexpected
+    none = vaguely / likelihood.tempering + odds * jnp.minimum(unexpected, 1)
+    return jnp.append(own, jnp.max(jnp.where(admitted, none, -jnp.inf)))
 
 
 def update(belief: Belief, log_likelihoods: jax.Array, log_even: jax.Array, hazard: jax.Array | float) -> Belief:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-RULES = ("greedy", "thompson", "likeliest", "uniform", "told")
+RULES = ("greedy", "thompson", "likeliest", "uniform")
 
 
 class Choice(NamedTuple):
@@ -28,28 +28,35 @@ def values(log_belief: jax.Array, matrix: jax.Array) -> jax.Array:
     return matrix @ (known / jnp.maximum(jnp.sum(known), 1e-12))
 
 
-def propose(log_belief: jax.Array, matrix: jax.Array, admitted: jax.Array, key: jax.Array, rule: str) -> jax.Array:
-    """The policy i32[] that a rule names.
+def propose(
+    log_belief: jax.Array, matrix: jax.Array, admitted: jax.Array, key: jax.Array, rule: jax.Array | int
+) -> jax.Array:
+    """The policy i32[] that a rule names; a value, so that one program serves all rules.
 
     Args:
         log_belief: f32[D + 1].
         matrix: f32[I, D] what policy i is worth under damage d.
         admitted: bool[I] policies to choose from.
         key: random key.
-        rule: greedy, thompson; likeliest: the best for the likeliest damage; uniform: any.
+        rule: i32[] index into `RULES`: greedy; thompson; likeliest, the best for the likeliest damage; uniform, any.
+    """
+    known = log_belief[:-1]
+    greedy = _best(values(log_belief, matrix), admitted)
+    thompson = _best(matrix[:, jax.random.categorical(key, known)], admitted)
+    likeliest = _best(matrix[:, jnp.argmax(known)], admitted)
+    uniform = jax.random.categorical(key, jnp.where(admitted, 0.0, -jnp.inf)).astype(jnp.int32)
+    return jnp.stack([greedy, thompson, likeliest, uniform])[rule]
+
+
+def number(rule: str) -> int:
+    """A rule's index into `RULES`.
 
     Raises:
-        ValueError: an unknown rule.
+        ValueError: there is none of that name.
     """
-    if rule == "greedy":
-        return _best(values(log_belief, matrix), admitted)
-    if rule == "uniform":
-        return jax.random.categorical(key, jnp.where(admitted, 0.0, -jnp.inf)).astype(jnp.int32)
-    known = log_belief[:-1]
-    if rule in ("likeliest", "thompson"):
-        damage = jnp.argmax(known) if rule == "likeliest" else jax.random.categorical(key, known)
-        return _best(matrix[:, damage], admitted)
-    raise ValueError(f"rule is {rule!r}: choose one of {', '.join(RULES)}.")
+    if rule not in RULES:
+        raise ValueError(f"rule is {rule!r}: choose one of {', '.join(RULES)}.")
+    return RULES.index(rule)
 
 
 def _best(worth: jax.Array, admitted: jax.Array) -> jax.Array:

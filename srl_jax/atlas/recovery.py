@@ -32,10 +32,8 @@ from srl_jax.types import Params
 
 @dataclass(frozen=True)
 class Settings:
-    """How a robot doubts and chooses."""
+    """How a robot doubts, and how long it keeps a choice."""
 
-    rule: str = "greedy"
-    """greedy, thompson, likeliest or uniform (`choice.propose`); told: whom `Scope.told` names."""
     hold: int = 20
     """Control steps that a choice is kept unless another is better by the margin: a second."""
     margin: float = 0.1
@@ -56,11 +54,12 @@ class Knowledge(NamedTuple):
 
 
 class Scope(NamedTuple):
-    """What of its atlas a robot may use, so that damages can be left out without another program."""
+    """What of its atlas a robot may use, and how it chooses: values, so that one program serves all comparisons."""
 
     damages: jax.Array  # bool[D]
     policies: jax.Array  # bool[I]
-    told: jax.Array  # i32[] the policy that somebody who knows names, for the rule `told`
+    rule: jax.Array  # i32[] index into `choice.RULES`
+    told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
 
 
 class Memory(NamedTuple):
@@ -130,17 +129,16 @@ class Mind:
             jnp.asarray(senses.answering),
             self.settings.gains,
         )
-        unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering, axis=1)
+        unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering[None], axis=1)
         evidence = beliefs.log_likelihood(errors, unexpected, scope.damages, known.likelihood)
         return states, beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
 
     def choose(self, known: Knowledge, scope: Scope, choice: Choice, belief: Belief, key: jax.Array) -> Choice:
         """Who walks on."""
-        if self.settings.rule == "told":
-            return Choice(scope.told, choice.held)
-        proposed = choices.propose(belief.log, known.value, scope.policies, key, self.settings.rule)
+        proposed = choices.propose(belief.log, known.value, scope.policies, key, scope.rule)
         expected = choices.values(belief.log, known.value)
-        return choices.commit(choice, proposed, expected, hold=self.settings.hold, margin=self.settings.margin)
+        own = choices.commit(choice, proposed, expected, hold=self.settings.hold, margin=self.settings.margin)
+        return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told))
 
 
 @cache
@@ -176,11 +174,21 @@ def knowledge(atlas: Atlas) -> Knowledge:
     )
 
 
-def scope(atlas: Atlas, without: Sequence[str] = (), told: int = 0) -> Scope:
-    """All of an atlas but what concerns some damages: neither their hypotheses nor the policies trained for them."""
+def scope(atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", told: int = -1) -> Scope:
+    """All of an atlas but what concerns some damages: neither their hypotheses nor the policies trained for them.
+
+    Args:
+        atlas: see `file.load`.
+        without: damages.
+        rule: greedy, thompson, likeliest or uniform (`choice.propose`).
+        told: the policy that somebody names who knows.
+
+    Raises:
+        ValueError: an unknown rule, or a damage without meaning.
+    """
     gone = {damage_names.canonical(name) for name in without}
     kept = [np.array([name not in gone for name in names]) for names in (atlas.damages, atlas.trained_for)]
-    return Scope(kept[0], kept[1], np.array(told, np.int32))  # pyright: ignore[reportArgumentType]
+    return Scope(kept[0], kept[1], np.array(choices.number(rule)), np.array(told))  # pyright: ignore[reportArgumentType]
 
 
 def run(

@@ -42,8 +42,8 @@ def tell(arguments: Any) -> None:
             mark = "*" if step == strike else " "
             print(f"{step / CONTROL_HZ:5.1f}{mark}{speed(robot, step):5.2f}  {policy:<24} {likely}", flush=True)
 
-    settings = recovery.Settings(rule=arguments.rule)
-    recovery.run(atlas, [robot], seconds=arguments.seconds, settings=settings, seed=arguments.seed, watch=watch)
+    own = recovery.scope(atlas, rule=arguments.rule)
+    recovery.run(atlas, [robot], seconds=arguments.seconds, scopes=lambda _: [own], seed=arguments.seed, watch=watch)
     end = len(robot.positions)
     before, after = speed(robot, strike), speed(robot, end, window=min(100, end - strike))
     fell = ", and it fell" if robot.fell else ""

@@ -35,6 +35,9 @@ def test_a_damage_holds_every_leaf_that_matters(healthy, name):
             np.testing.assert_array_equal(leaf, other, err_msg=jax.tree_util.keystr(path))
 
 
+LIMP = tuple(f"leg_{leg}:limp" for leg in ("rf", "rm", "rr", "lf", "lm", "lr"))
+
+
 def test_apply_under_vmap_is_apply_one_by_one(healthy):
     batch = jax.device_get(jax.vmap(damage.apply, in_axes=(None, 0))(healthy, damage.stack(WALKING)))
     for i, name in enumerate(WALKING):
@@ -142,3 +145,12 @@ def test_sets_and_lists_for_the_command_line():
         damage_names.parse_names("leg_rm,coxa_rm", "x")
     with pytest.raises(ValueError, match="task is 'walk'; accepted are x, xy, p2p"):
         damage_names.parse_names("task", "walk")
+
+
+def test_sets_may_be_joined_and_share_members():
+    assert damage_names.parse_names("losses21+limp", "x") == (*damage_names.losses21(), *LIMP)
+    assert damage_names.parse_names("healthy, limp", "x") == ("healthy", *LIMP)
+    assert damage_names.parse_names("all+triples", "x")[-20:] == damage_names.lost(3)
+    assert len(damage_names.parse_names("all,leg_rm+leg_lf", "x")) == 76
+    with pytest.raises(ValueError, match="unknown part 'losses21'"):
+        damage_names.parse_names("losses21+leg_rm", "x")

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import tyro
 
-from experiments import cross_check, robot_posterior, throughput
+from experiments import cross_check, recovery, robot_posterior, throughput
+from srl_jax.atlas import file
 from srl_jax.config import preset
 from srl_jax.env.hexapod import observation_size
 from tests.conftest import DEVICES
 from tests.job.untrained import write
 
-WORDS = {  # OUT is a file, RUN a finished run
+WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "bandit_table": "--repetitions 4 --samples 5 --out OUT",
     "cross_check": "RUN --algos srl --episodes 1 --seeds 1",
     "healthy_value": "--episodes 4 --seen 2 --whole 4 --damage healthy leg_rm --members 2 --masks 2 --updates 2",
@@ -26,6 +27,7 @@ WORDS = {  # OUT is a file, RUN a finished run
     "pendulum": "--algo srl --seeds 2 --steps 8",
     "physics_error": "--episodes 1",
     "posterior_quality": "--problems 2 --members 2 --rates 0.1 --updates 4 --out OUT",
+    "recovery": "ATLAS --damages leg_rm --seeds 2 --rules greedy",
     "render_robot": "--width 40 --height 30 --oversample 1 --painter plain --path OUT",
     "robot_posterior": "RUN --seeds 2 --robots 1 --visits 2 --horizon 4 --draws 20",
     "self_model": "--damages tibia_rm,leg_rm --motions 2 --probes 1 --steps 3 --seeds 2 --out OUT",
@@ -42,6 +44,7 @@ SHOWN = {  # a part of what is printed
     "pendulum": "srl: -",
     "physics_error": "Coarse settings against converged physics",
     "posterior_quality": "ensemble × dropout 0.1",
+    "recovery": "damage named first",
     "render_robot": ".png",
     "robot_posterior": "all",
     "self_model": "2 damages, 2 seeds, truth in mjx",
@@ -64,11 +67,15 @@ def test_it_runs(name, request, tmp_path, capsys, monkeypatch):
         import_module(f"experiments.{name}"),
         tmp_path / ("figure.png" if name != "tune_gait" else "gait.json"),
     )
-    monkeypatch.setattr(throughput, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
+    for asks in (throughput, recovery):
+        monkeypatch.setattr(asks, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
     words = WORDS[name].replace("OUT", str(out)).split()
     if "RUN" in words or name == "throughput":  # whose program is that of the smoke run, compiled once
         run = str(request.getfixturevalue("smoke_run")[0])
         words = [run if word == "RUN" else word for word in words]
+    if "ATLAS" in words:
+        file.save(tmp_path / "atlas.npz", request.getfixturevalue("atlas"))
+        words = [str(tmp_path / "atlas.npz") if word == "ATLAS" else word for word in words]
     if name == "pendulum":
         tyro.cli(module.main, args=words)
     else:
