@@ -20,7 +20,8 @@ import tyro
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.choice import RULES
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.recovery import Scope, Story
+from srl_jax.atlas.mind import Scope
+from srl_jax.atlas.recovery import Story
 from srl_jax.atlas.robots import CRobot, World
 from srl_jax.atlas.senses import observation
 from srl_jax.cli.devices import use_devices
@@ -33,6 +34,7 @@ HZ = 20
 STRIKE = (20, 40)  # control steps of healthy walking before the damage
 WINDOWS = ((0.0, 1.0), (2.0, 7.0), (5.0, 10.0))  # seconds after the damage over which speed is taken
 STANDARD = 140  # control steps by which the healthy speed is taken
+RECOVERED = 0.5  # share of the healthy speed, without a fall
 LOOKS = (0.2, 0.5, 1.0, 2.0)  # seconds after the damage at which the posterior is read
 
 
@@ -44,6 +46,7 @@ class Args:
     damages: str = "losses21"  # names and sets, as --damage of a run
     seeds: int = 3  # robots of each damage
     left_out: bool = False  # each damage is left out of the atlas for its own robots: hypotheses and policies
+    seconds: float = 10.0  # after the damage; from 20 on, its last ten are shown too
     friction: float = 0.8  # share of the atlas' own
     rules: str = ",".join(RULES)  # of choice, beside the oracle and the policy of the healthy
 
@@ -101,6 +104,12 @@ def named(atlas: Atlas, bodies: Sequence[CRobot], story: Story, seconds: float) 
     return float(np.mean(right)), float(np.mean(good))
 
 
+def alarms(bodies: Sequence[CRobot], story: Story) -> float:
+    """Share of robots that took themselves for damaged at some step before they were."""
+    healthy = np.exp(story.log_belief[:, :, 0])
+    return float(np.mean([healthy[: body.strike + 1, i].min() < 0.5 for i, body in enumerate(bodies)]))
+
+
 def main(args: Args) -> None:
     """Walks all robots by every rule and prints the table.
 
@@ -112,27 +121,31 @@ def main(args: Args) -> None:
     use_devices("1", solves=False)
     atlas = file.load(args.atlas)
     names, world = damage_names.parse_names(args.damages, atlas.about["task"]), World(friction=args.friction)
-    seconds = (STRIKE[1] + 1) / HZ + WINDOWS[-1][1]
+    windows = [*WINDOWS, *([(args.seconds - 10.0, args.seconds)] if args.seconds >= 20.0 else [])]
+    seconds = (STRIKE[1] + 1) / HZ + windows[-1][1]
     healthy = tripod_speed(atlas, robots(["healthy"], args.seeds, world))
     print(f"{len(names)} damages x {args.seeds} robots; healthy, under the tripod: {healthy:.3f} m/s in this world.")
-    spans = "  ".join(f"{first:g}-{last:g} s" + " " * 12 for first, last in WINDOWS)
-    print(f"{'rule':<10} {spans} recovered  falls")
+    print(f"{'rule':<10} " + "".join(f"{f'{first:g}-{last:g} s':<19}" for first, last in windows) + "recovered  falls")
     for rule in ("oracle", "healthy", *args.rules.split(",")):
         bodies = robots(names, args.seeds, world)
         each = partial(scopes, atlas, bodies, args.left_out, rule)
         story = recovery.run(atlas, bodies, seconds=seconds, scopes=each)
-        cells = []
-        for window in WINDOWS:
-            grid = retained(bodies, window, healthy).reshape(len(names), args.seeds).T
-            low, high = stratified_interval(grid, iqm)
-            cells.append(f"{iqm(grid):.2f} [{low:.2f}, {high:.2f}]")
-        last = retained(bodies, WINDOWS[-1], healthy)
-        fell = np.mean([b.fell for b in bodies])
-        print(f"{rule:<10} {'  '.join(f'{cell:<17}' for cell in cells)}  {np.mean(last >= 0.5):.2f}       {fell:.2f}")
-        if rule == "greedy":
+        print(row(rule, [retained(bodies, window, healthy) for window in windows], bodies, args.seeds), flush=True)
+        if rule == RULES[0]:
             looks = [f"{s:g} s {a:.2f} / {b:.2f}" for s in LOOKS for a, b in [named(atlas, bodies, story, s)]]
-    if "greedy" in args.rules.split(","):
-        print("damage named first / policy within 10 % of the best:", ", ".join(looks))
+            print(f"  named first / policy within 10 % of the best after {', '.join(looks)}")
+            print(f"  taken for damaged before the strike: {alarms(bodies, story):.3f}")
+
+
+def row(rule: str, kept: Sequence[np.ndarray], bodies: Sequence[CRobot], seeds: int) -> str:
+    """A line of the table: the IQM of each window with its interval, recovered in the last one, falls."""
+    cells = []
+    for shares in kept:
+        grid = shares.reshape(-1, seeds).T
+        low, high = stratified_interval(grid, iqm)
+        cells.append(f"{iqm(grid):.2f} [{low:.2f}, {high:.2f}]")
+    recovered, fell = np.mean(kept[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
+    return f"{rule:<10} {''.join(f'{cell:<19}' for cell in cells)}{recovered:<10.2f} {fell:.2f}"
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Who walks: the policy that is best under the posterior over damages, and how long it is kept.
+"""Who walks: the policy that is best under the posterior, and how long it is kept.
 
-``greedy`` is the Bayes-optimal choice for one decision, ``argmax_i sum_d b(d) P[i, d]``; ``thompson`` draws a damage
-and takes the best policy for it (posterior sampling, Strens 2000), which also explores.
+``greedy`` is the Bayes-optimal choice for one decision, the best mean; ``thompson`` takes the best of one draw of the
+posterior (posterior sampling, Strens 2000), which also explores. Both know belief, matrix and trials (`trials`).
 """
 
 from typing import NamedTuple
@@ -13,39 +13,78 @@ RULES = ("greedy", "thompson", "likeliest", "uniform")
 
 
 class Choice(NamedTuple):
-    """Who is in command, and since when."""
+    """Who is in command, for how long, and where that began."""
 
     policy: jax.Array  # i32[]
-    held: jax.Array  # i32[] control steps since it took over
+    held: jax.Array  # i32[] control steps of this segment
+    begun: jax.Array  # f32[] m come when the segment began to count
 
 
-def values(log_belief: jax.Array, matrix: jax.Array) -> jax.Array:
-    """What every policy is expected to walk f32[I], from log-probabilities f32[D + 1] and the matrix f32[I, D].
+class Pace(NamedTuple):
+    """How long a choice is kept."""
 
-    'None of these' says nothing of any policy: the rest of the belief speaks for it.
-    """
-    known = jnp.exp(log_belief[:-1])
-    return matrix @ (known / jnp.maximum(jnp.sum(known), 1e-12))
+    hold: int = 30  # control steps of a segment: a second and a half
+    settle: int = 10  # of them at its beginning that do not count: the change of gait
+    margin: float = 0.1  # share of the healthy speed by which another must be better to take over at once
+    tipping: float = 0.7  # cosine of the tilt below which a segment is broken off
+    toll: float = -0.5  # share of the healthy speed that a policy is taken to be worth under which the robot tips
 
 
-def propose(
-    log_belief: jax.Array, matrix: jax.Array, admitted: jax.Array, key: jax.Array, rule: jax.Array | int
-) -> jax.Array:
-    """The policy i32[] that a rule names; a value, so that one program serves all rules.
+PACE = Pace()
+
+
+def proposals(mean: jax.Array, draw: jax.Array, likeliest: jax.Array, admitted: jax.Array, key: jax.Array) -> jax.Array:
+    """Whom each of `RULES` names, i32[4]; all at once, so that one program serves all rules.
 
     Args:
-        log_belief: f32[D + 1].
-        matrix: f32[I, D] what policy i is worth under damage d.
+        mean: f32[I] of the posterior over what policies are worth.
+        draw: f32[I] of it.
+        likeliest: f32[I] what they are worth under the likeliest damage.
         admitted: bool[I] policies to choose from.
         key: random key.
-        rule: i32[] index into `RULES`: greedy; thompson; likeliest, the best for the likeliest damage; uniform, any.
     """
-    known = log_belief[:-1]
-    greedy = _best(values(log_belief, matrix), admitted)
-    thompson = _best(matrix[:, jax.random.categorical(key, known)], admitted)
-    likeliest = _best(matrix[:, jnp.argmax(known)], admitted)
-    uniform = jax.random.categorical(key, jnp.where(admitted, 0.0, -jnp.inf)).astype(jnp.int32)
-    return jnp.stack([greedy, thompson, likeliest, uniform])[rule]
+    best = [jnp.argmax(jnp.where(admitted, worth, -jnp.inf)).astype(jnp.int32) for worth in (mean, draw, likeliest)]
+    return jnp.stack([*best, jax.random.categorical(key, jnp.where(admitted, 0.0, -jnp.inf)).astype(jnp.int32)])
+
+
+def segment(choice: Choice, come: jax.Array, pace: Pace) -> tuple[Choice, jax.Array, jax.Array]:
+    """The choice one control step later, whether its segment is over, and its m a step (NaN while it is not)."""
+    held = choice.held + 1
+    begun = jnp.where(held <= pace.settle, come, choice.begun)
+    over = held >= pace.hold
+    walked = (come - begun) / (pace.hold - pace.settle)
+    return Choice(choice.policy, held, begun), over, jnp.where(over, walked, jnp.nan)
+
+
+def decide(
+    choice: Choice,
+    over: jax.Array,
+    proposed: jax.Array,
+    mean: jax.Array,
+    admitted: jax.Array,
+    strange: jax.Array,
+    pace: Pace,
+) -> Choice:
+    """Who walks on: the proposed one where a segment is over, or at once where the present one is clearly worse.
+
+    Where it is rather none of the damages, little is known of the others, and segments are walked to their end.
+
+    Args:
+        choice: who is in command.
+        over: bool[] its segment.
+        proposed: i32[] who is to be.
+        mean: f32[I] what policies are expected to be worth.
+        admitted: bool[I].
+        strange: f32[] probability that it is none of the damages.
+        pace: how long choices are kept.
+    """
+    behind = jnp.max(jnp.where(admitted, mean, -jnp.inf)) - mean[choice.policy]
+    change = over | ((behind > pace.margin) & (strange < 0.5))
+    return Choice(
+        jnp.where(change, proposed, choice.policy),
+        jnp.where(change, 0, choice.held),
+        jnp.where(change, jnp.nan, choice.begun),
+    )
 
 
 def number(rule: str) -> int:
@@ -57,22 +96,3 @@ def number(rule: str) -> int:
     if rule not in RULES:
         raise ValueError(f"rule is {rule!r}: choose one of {', '.join(RULES)}.")
     return RULES.index(rule)
-
-
-def _best(worth: jax.Array, admitted: jax.Array) -> jax.Array:
-    return jnp.argmax(jnp.where(admitted, worth, -jnp.inf)).astype(jnp.int32)
-
-
-def commit(choice: Choice, proposed: jax.Array, expected: jax.Array, *, hold: int, margin: float) -> Choice:
-    """Changes policy where the one in command is expected to be worse by more than `margin`, or was held long enough.
-
-    Args:
-        choice: who is in command.
-        proposed: i32[] who is to be.
-        expected: f32[I] see `values`, as shares of the healthy speed.
-        hold: control steps that a choice is kept unless it is worse by the margin.
-        margin: share of the healthy speed.
-    """
-    worse = expected[proposed] - expected[choice.policy] > margin
-    change = (proposed != choice.policy) & (worse | (choice.held >= hold))
-    return Choice(jnp.where(change, proposed, choice.policy), jnp.where(change, 0, choice.held + 1))

@@ -13,6 +13,7 @@ from srl_jax.agents.settings import DDPGConfig
 from srl_jax.env import damage_names
 from srl_jax.types import Params
 
+DATA = Path(__file__).with_name("atlas.npz")
 ACTOR = "actor"  # what the names of a network's arrays begin with
 
 
@@ -57,13 +58,13 @@ def save(path: Path, atlas: Atlas, *, half: bool = True) -> None:
     partial.replace(path)
 
 
-def load(path: str | Path) -> Atlas:
-    """The atlas in a file.
+def load(path: str | Path = "") -> Atlas:
+    """The atlas in a file, or the one that ships with the package where `path` is empty.
 
     Raises:
         ValueError: there is no such file, or it is no atlas.
     """
-    path = Path(path)
+    path = Path(path) if path else DATA
     try:
         with path.open("rb") as file, np.load(file) as stored:
             arrays = {name: stored[name] for name in stored.files}

@@ -106,4 +106,5 @@ class CRobot:
             gravity=noisy("gravity", -frame[2]).astype(np.float32),
             towards=np.array([heading[0], -heading[1]], np.float32),  # along x
             distance=np.array(2.0, np.float32),
+            come=np.array(self._data.qpos[0], np.float32),
         )

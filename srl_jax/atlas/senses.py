@@ -23,6 +23,7 @@ class Senses(NamedTuple):
     gravity: Array  # f32[3] direction of gravity in the body frame
     towards: Array  # f32[2] unit vector in the body's plane, ahead and left, that the task rewards going along
     distance: Array  # f32[] m to the goal (p2p)
+    come: Array  # f32[] m come along the task since the start, what a reward is made of; NaN: nobody tells
 
 
 def felt(senses: Senses) -> jax.Array:

@@ -1,5 +1,6 @@
 """The verb ``atlas``: ``srl-jax atlas --damages all`` trains a policy for every damage, before any happens."""
 
+import dataclasses
 import shlex
 import sys
 import time
@@ -82,11 +83,21 @@ def _main(argv: list[str]) -> int:
             return 128 + stop.number
         display.closing(summary)
     print(f"Judging {len(plan.make(config).lanes)} policies under every damage.", flush=True)
-    made = atlas.from_run(directory, directory / NAME, command=shlex.join([*PROGRAM.split(), *argv]))
+    made = atlas.from_run(directory, directory / NAME, command=asked(arguments))
     best = made.value.max(axis=0)
     print(f"{directory / NAME}: {len(made.trained_for)} policies, {len(made.damages)} damages.")
     print(f"The best policy for a damage keeps {best.mean():.2f} of the healthy speed, {best.min():.2f} at worst.")
     return 0
+
+
+def asked(arguments: Arguments) -> str:
+    """The command that makes the same atlas again, wherever its files go."""
+    default, words = Arguments(), PROGRAM.split()
+    for field in dataclasses.fields(Arguments):
+        value = getattr(arguments, field.name)
+        if value != getattr(default, field.name) and field.name not in ("out", "resume", "devices"):
+            words += [f"--{field.name.replace('_', '-')}", str(value)]
+    return shlex.join(words)
 
 
 def configured(arguments: Arguments) -> Config:

@@ -10,15 +10,14 @@ from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 
 PROGRAM = "srl-jax recover"
-SHOWN = 4  # control steps between two lines
 
 
 @dataclass(frozen=True)
 class Arguments:
     """The whole story for one robot: it walks, the damage strikes, the posterior moves, another policy takes over."""
 
-    atlas: str
-    """The file of an atlas (python -m srl_jax.atlas)."""
+    atlas: str = ""
+    """The file of an atlas (python -m srl_jax.atlas); empty: the one that ships with the package."""
     damage: str = "random"
     """A name such as leg_rm+leg_lf, or random: one of the atlas' own."""
     strike: float = 2.0

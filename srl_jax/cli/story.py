@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from srl_jax.atlas import file, recovery
-from srl_jax.atlas.recovery import Memory
+from srl_jax.atlas.mind import Memory
 from srl_jax.atlas.robots import CRobot, World
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ

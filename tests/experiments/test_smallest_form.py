@@ -44,7 +44,7 @@ SHOWN = {  # a part of what is printed
     "pendulum": "srl: -",
     "physics_error": "Coarse settings against converged physics",
     "posterior_quality": "ensemble × dropout 0.1",
-    "recovery": "damage named first",
+    "recovery": "named first / policy",
     "render_robot": ".png",
     "robot_posterior": "all",
     "self_model": "2 damages, 2 seeds, truth in mjx",

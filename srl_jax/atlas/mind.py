@@ -1,0 +1,157 @@
+"""What goes on in a robot that has an atlas: it feels, doubts, chooses and acts; pure functions of one control step."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from srl_jax.agents import behaviour
+from srl_jax.agents.settings import DDPGConfig
+from srl_jax.atlas import belief as beliefs
+from srl_jax.atlas import choice as choices
+from srl_jax.atlas import senses as feeling
+from srl_jax.atlas import tracking
+from srl_jax.atlas import trials as trial
+from srl_jax.atlas.belief import Belief, Likelihood
+from srl_jax.atlas.choice import Choice, Pace
+from srl_jax.atlas.senses import Senses
+from srl_jax.atlas.tracking import Gains
+from srl_jax.atlas.trials import Trials
+from srl_jax.env import hexapod
+from srl_jax.env.damage import Damage, present
+from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.env.settings import EnvConfig
+from srl_jax.env.star.stepper import State
+from srl_jax.types import Params
+
+HALF = np.log(0.5)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a robot doubts, and how long it keeps a choice."""
+
+    gains: Gains = tracking.GAINS
+    pace: Pace = choices.PACE
+    prior: trial.Prior = trial.PRIOR
+    room: int = 64
+    """Segments that it remembers."""
+
+
+DEFAULT = Settings()
+
+
+class Knowledge(NamedTuple):
+    """What a robot brings along: an atlas as arrays."""
+
+    damage: Damage  # leaves [D, ...]
+    actors: Params  # leaves [I, ...]
+    value: jax.Array  # f32[I, D] shares of the healthy speed
+    healthy_speed: jax.Array  # f32[] m/s
+    likelihood: Likelihood
+
+
+class Scope(NamedTuple):
+    """What of its atlas a robot may use, and how it chooses: values, so that one program serves all comparisons."""
+
+    damages: jax.Array  # bool[D]
+    policies: jax.Array  # bool[I]
+    rule: jax.Array  # i32[] index into `choice.RULES`
+    told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
+
+
+class Memory(NamedTuple):
+    """What a robot carries from step to step."""
+
+    states: State  # of every hypothesis' robot, leaves [D, ...]
+    belief: Belief
+    choice: Choice
+    trials: Trials
+    action: jax.Array  # f32[18] the last one
+    phase: jax.Array  # f32[] of the gait's clock
+    key: jax.Array
+
+
+@dataclass(frozen=True)
+class Mind:
+    """The functions of a robot that has an atlas; equal ones share what jax has compiled."""
+
+    task: str
+    observation: str
+    clock_hz: float
+    network: DDPGConfig
+    settings: Settings
+
+    @property
+    def robot(self) -> hexapod.Hexapod:
+        """Whose physics the hypotheses have."""
+        return _robot(self.task, self.observation, self.clock_hz)
+
+    def begin(self, known: Knowledge, scope: Scope, key: jax.Array) -> Memory:
+        """Before the first step: healthy, and walking as the healthy do."""
+        return Memory(
+            states=tracking.at_rest(self.robot, len(known.damage.body_mass)),
+            belief=beliefs.prior(beliefs.even(scope.damages)),
+            choice=Choice(jnp.argmax(known.value[:, 0]).astype(jnp.int32), jnp.int32(0), jnp.float32(jnp.nan)),
+            trials=trial.none(self.settings.room),
+            action=jnp.zeros(hexapod.ACTION_SIZE),
+            phase=jax.random.uniform(key),
+            key=key,
+        )
+
+    def think(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> Memory:
+        """One control step: what came of the last action, what that says of the damage, who walks, the next action."""
+        key, choice_key = jax.random.split(memory.key)
+        states, belief = self.doubt(known, scope, memory, senses)
+        choice, trials = self.choose(known, scope, memory, belief, senses, choice_key)
+        actor = jax.tree.map(lambda leaf: leaf[choice.policy], known.actors)
+        seen = feeling.observation(senses, memory.phase, task=self.task, kind=self.observation)
+        action = behaviour.policy(actor, seen, config=self.network)
+        phase = jnp.mod(memory.phase + self.clock_hz / CONTROL_HZ, 1.0)
+        return Memory(states, belief, choice, trials, action, phase, key)
+
+    def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[State, Belief]:
+        """The hypotheses' robots after the last action, and the belief that they leave."""
+        states, errors = tracking.follow(
+            self.robot,
+            known.damage,
+            memory.states,
+            memory.action,
+            feeling.felt(senses),
+            jnp.asarray(senses.answering),
+            self.settings.gains,
+        )
+        unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering[None], axis=1)
+        evidence = beliefs.log_likelihood(errors, unexpected, scope.damages, known.likelihood)
+        return states, beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
+
+    def choose(
+        self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array
+    ) -> tuple[Choice, Trials]:
+        """Who walks on, and what has been tried."""
+        pace, prior = self.settings.pace, self.settings.prior
+        choice, over, walked = choices.segment(memory.choice, jnp.asarray(senses.come), pace)
+        tipping = (-senses.gravity[2] < pace.tipping) & (choice.held > pace.settle)
+        over, worth = over | tipping, jnp.where(tipping, pace.toll, walked * CONTROL_HZ / known.healthy_speed)
+        tried = trial.record(memory.trials, choice.policy, worth)
+        trials = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(worth), new, old), tried, memory.trials)
+        struck = (memory.belief.log[0] > HALF) & (belief.log[0] < HALF)  # what the healthy robot did says nothing now
+        trials = trials._replace(count=jnp.where(struck, 0, trials.count))
+        expected = trial.expect(belief.log, known.value, prior)
+        draw_key, any_key = jax.random.split(key)
+        mean = trial.mean(expected, trials, prior)
+        draw = trial.draw(expected, trials, draw_key, prior)
+        likeliest = known.value[:, jnp.argmax(belief.log[:-1])]
+        proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
+        own = choices.decide(choice, over, proposed, mean, scope.policies, jnp.exp(belief.log[-1]), pace)
+        return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials
+
+
+@cache
+def _robot(task: str, observation: str, clock_hz: float) -> hexapod.Hexapod:
+    with jax.ensure_compile_time_eval():  # a constant of whatever program asks first
+        config = EnvConfig(observation=observation)  # pyright: ignore[reportArgumentType]
+        return hexapod.make(task, config, clock_hz)

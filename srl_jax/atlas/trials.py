@@ -1,0 +1,111 @@
+"""What policies are worth under a damage that none of the hypotheses is: a normal prior from the matrix, and trials.
+
+Intelligent trial and error (Cully et al. 2015) with the atlas in place of a map of gaits: the worth of all I policies
+under the present damage is one vector, normal with the mean and covariance of the matrix' columns under the belief. A
+segment of walking by policy i observes its i-th component, and so says something of all that do as well or as badly as
+i across damages. Old segments count less and less, since the damage may have changed.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.linalg import cho_solve
+
+dot = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)
+
+
+class Prior(NamedTuple):
+    """Settings, as shares of the healthy speed."""
+
+    own: float = 0.05  # standard deviation of a policy's worth that no other policy shares
+    strange: float = 1.0  # weight of the covariance over all damages where it is none of them
+    flat: float = 8.0  # by which the belief among the known is tempered where it is none of them
+    noise: float = 0.2  # standard deviation of what a segment shows about the worth
+    memory: float = 20.0  # segments after which an observation's variance has doubled
+
+
+PRIOR = Prior()
+
+
+class Trials(NamedTuple):
+    """The last K segments, the newest last; `count` of them mean something."""
+
+    policy: jax.Array  # i32[K]
+    worth: jax.Array  # f32[K] share of the healthy speed
+    count: jax.Array  # i32[]
+
+
+def none(room: int) -> Trials:
+    """No segment yet, and room for so many."""
+    return Trials(jnp.zeros(room, jnp.int32), jnp.zeros(room), jnp.zeros((), jnp.int32))
+
+
+def record(trials: Trials, policy: jax.Array, worth: jax.Array) -> Trials:
+    """With one more segment; the oldest is forgotten where there is no room."""
+    room = len(trials.policy)
+    return Trials(
+        jnp.roll(trials.policy, -1).at[-1].set(policy),
+        jnp.roll(trials.worth, -1).at[-1].set(worth),
+        jnp.minimum(trials.count + 1, room),
+    )
+
+
+class Worth(NamedTuple):
+    """The prior as a mean and the columns of a factor: ``cov = factor factor' + own^2``."""
+
+    mean: jax.Array  # f32[I]
+    factor: jax.Array  # f32[I, 2 D]
+
+
+def expect(log_belief: jax.Array, matrix: jax.Array, prior: Prior = PRIOR) -> Worth:
+    """What the belief f32[D + 1] says of every policy before any trial, from the matrix f32[I, D]."""
+    known, strange = jnp.exp(jax.nn.log_softmax(log_belief[:-1])), jnp.exp(log_belief[-1])
+    flat = jnp.exp(jax.nn.log_softmax(log_belief[:-1] / prior.flat))
+    weight = (1.0 - strange) * known + strange * flat
+    mean = dot(matrix, weight)
+    likely = (matrix - mean[:, None]) * jnp.sqrt(weight)[None]
+    count = matrix.shape[1]
+    anything = (matrix - jnp.mean(matrix, axis=1, keepdims=True)) * jnp.sqrt(prior.strange * strange / count)
+    return Worth(mean, jnp.concatenate([likely, anything], axis=1))
+
+
+def update(worth: Worth, trials: Trials, start: jax.Array, noise: jax.Array, prior: Prior = PRIOR) -> jax.Array:
+    """The vector f32[I] that a start becomes once it is told of the trials (Matheron's rule).
+
+    From the prior's mean without noise it is the posterior's mean; from a draw of the prior, with a draw of the
+    observations' noise, a draw of the posterior.
+
+    Args:
+        worth: see `expect`.
+        trials: segments.
+        start: f32[I].
+        noise: f32[K] standard normal, or zeros.
+        prior: settings.
+    """
+    room = len(trials.policy)
+    age = jnp.arange(room - 1, -1, -1.0)
+    valid = age < trials.count
+    deviation = prior.noise * jnp.sqrt(jnp.exp2(age / prior.memory))
+    rows = worth.factor[trials.policy]
+    same = trials.policy[:, None] == trials.policy[None]
+    inner = dot(rows, rows.T) + prior.own**2 * same
+    inner = jnp.where(valid[:, None] & valid[None], inner, 0.0) + jnp.diag(jnp.where(valid, deviation**2, 1.0))
+    surprise = jnp.where(valid, trials.worth - start[trials.policy] - deviation * noise, 0.0)
+    told = jnp.where(valid, cho_solve((jnp.linalg.cholesky(inner), True), surprise), 0.0)
+    alone = jnp.zeros(len(start)).at[trials.policy].add(told)
+    return start + dot(worth.factor, dot(rows.T, told)) + prior.own**2 * alone
+
+
+def mean(worth: Worth, trials: Trials, prior: Prior = PRIOR) -> jax.Array:
+    """The posterior's mean f32[I]."""
+    return update(worth, trials, worth.mean, jnp.zeros(len(trials.policy)), prior)
+
+
+def draw(worth: Worth, trials: Trials, key: jax.Array, prior: Prior = PRIOR) -> jax.Array:
+    """One draw f32[I] of the posterior."""
+    factor_key, own_key, noise_key = jax.random.split(key, 3)
+    shared = dot(worth.factor, jax.random.normal(factor_key, worth.factor.shape[1:]))
+    start = worth.mean + shared + prior.own * jax.random.normal(own_key, worth.mean.shape)
+    return update(worth, trials, start, jax.random.normal(noise_key, trials.policy.shape), prior)
