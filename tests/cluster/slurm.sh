@@ -5,6 +5,7 @@
 #     tests/cluster/slurm.sh          PYTHON=... for another than that of .venv
 source "$(dirname "${BASH_SOURCE[0]}")/private_slurm.sh"
 bring_up
+export XLA_FLAGS=--xla_backend_optimization_level=0  # compiling is most of what this takes; tasks inherit it
 
 # One algorithm and four seeds compile fastest; 20 checkpoints leave time to kill between two of them.
 options=(--preset smoke --algos ddpg --seeds 4 --steps 3200 --train.evaluate-every 160 --train.checkpoint-every 160
