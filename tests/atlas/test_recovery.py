@@ -40,11 +40,11 @@ def test_what_is_left_out_is_neither_believed_nor_used(atlas, stories):
 
 
 def test_who_is_told_obeys_at_once(atlas):
-    scopes = lambda step: [recovery.scope(atlas, told=2 if step >= 3 else 1)]  # noqa: E731
-    body = CRobot("healthy", 100)
-    story = recovery.run(atlas, [body], seconds=0.3, scopes=scopes)
-    assert story.policy[:, 0].tolist() == [1, 1, 1, 2, 2, 2]
-    assert len(body.positions) == 6
+    bodies = [CRobot("healthy", 100, seed) for seed in range(6)]  # as many as before: the program is the same
+    told = lambda step: [recovery.scope(atlas, told=2 if step >= 3 else seed % 4) for seed in range(6)]  # noqa: E731
+    story = recovery.run(atlas, bodies, seconds=0.3, scopes=told)
+    assert story.policy[:3].tolist() == [[0, 1, 2, 3, 0, 1]] * 3 and np.all(story.policy[3:] == 2)
+    assert all(len(body.positions) == 6 for body in bodies)
 
 
 def test_a_robots_senses_give_the_observation_of_training(atlas):

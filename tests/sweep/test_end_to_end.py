@@ -18,7 +18,8 @@ from tests.job.finished import numbers, results
 from tests.sweep import packs
 
 SWEEP = [sys.executable, "-m", "srl_jax.sweep"]
-OPTIONS = ["--preset", "smoke", "--steps", "480", "--train.evaluate-every", "160", "--train.checkpoint-every", "160"]
+OPTIONS = ["--preset", "smoke", "--algos", "ddpg", "--seeds", "4"]  # compiles fastest
+OPTIONS += ["--steps", "960", "--train.evaluate-every", "160", "--train.checkpoint-every", "160"]
 
 
 def task_of(number: int) -> int | None:
@@ -65,7 +66,7 @@ def test_a_killed_pack_is_begun_again_and_all_are_merged(swept):
     lines = attempts.read(directory / "tasks" / "00000")
     assert sum("host" in line for line in lines) == 2 and lines[-1]["exit"] == 0
     summary = json.loads((directory / "merged" / "summary.json").read_text())
-    assert summary["sweep"]["complete"] and list(summary["methods"]) == ["ddpg", "srl"]
+    assert summary["sweep"]["complete"] and list(summary["methods"]) == ["ddpg"]
     assert len({lane for _, lane, _ in numbers(directory / "merged")}) == 4
 
 
