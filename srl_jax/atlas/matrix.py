@@ -60,12 +60,14 @@ def _policy(robot: Hexapod, config: ActorConfig, steps: int, actor: Params, dama
     count, walks = starts.phase.shape
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), starts)
     each = jax.tree.map(lambda x: jnp.repeat(jnp.asarray(x), walks, axis=0), damage)
-    walk = jax.vmap(partial(_walk, robot, config, steps, actor))
-    speed, fell = blocked_map(lambda rows: walk(*rows), (each, flat), BLOCK)
+    walks_of = jax.vmap(partial(walk, robot, config, steps, actor))
+    speed, fell = blocked_map(lambda rows: walks_of(*rows), (each, flat), BLOCK)
     return speed.reshape(count, walks).mean(1), fell.reshape(count, walks).mean(1)
 
 
-def _walk(robot: Hexapod, config: ActorConfig, steps: int, actor: Params, damage: Damage, start: EnvState):
+def walk(robot: Hexapod, config: ActorConfig, steps: int, actor: Params, damage: Damage, start: EnvState):
+    """Speed (m/s) and falls, f32[] each, of one policy from one start."""
+
     def advance(t: jax.Array, carry: tuple[EnvState, jax.Array, jax.Array]):
         state, begun, fell = carry
         action = behaviour.policy(actor, hexapod.observe(robot, damage, state), config=config)

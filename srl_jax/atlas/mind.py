@@ -1,7 +1,7 @@
 """What goes on in a robot that has an atlas: it feels, doubts, chooses and acts; pure functions of one control step."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import jax
@@ -12,22 +12,25 @@ from srl_jax.agents import behaviour
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.atlas import belief as beliefs
 from srl_jax.atlas import choice as choices
+from srl_jax.atlas import matrix, tracking
 from srl_jax.atlas import senses as feeling
-from srl_jax.atlas import tracking
 from srl_jax.atlas import trials as trial
 from srl_jax.atlas.belief import Belief, Likelihood
 from srl_jax.atlas.choice import Choice, Pace
 from srl_jax.atlas.senses import Senses
 from srl_jax.atlas.tracking import Gains
 from srl_jax.atlas.trials import Trials
+from srl_jax.atlas.twins import Twins
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage, present
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.settings import EnvConfig
 from srl_jax.env.star.stepper import State
+from srl_jax.program import strides
 from srl_jax.types import Params
 
 HALF = np.log(0.5)
+WALKS, STEPS = 2, 60  # of every policy in an imagined damage; control steps that count
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,18 @@ class Scope(NamedTuple):
     policies: jax.Array  # bool[I]
     rule: jax.Array  # i32[] index into `choice.RULES`
     told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
+    twins: Twins  # S hypotheses more, that it has put together itself
+
+    @property
+    def admitted(self) -> jax.Array:
+        """bool[D + S] the hypotheses that it has."""
+        return jnp.append(self.damages, self.twins.admitted)
+
+
+def widened(known: Knowledge, scope: Scope) -> tuple[Damage, jax.Array]:
+    """Damages, leaves [D + S, ...], and matrix f32[I, D + S] of an atlas and of a robot's own hypotheses."""
+    damage = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), known.damage, scope.twins.damage)
+    return damage, jnp.concatenate([known.value, scope.twins.value], axis=1)
 
 
 class Memory(NamedTuple):
@@ -93,8 +108,8 @@ class Mind:
     def begin(self, known: Knowledge, scope: Scope, key: jax.Array) -> Memory:
         """Before the first step: healthy, and walking as the healthy do."""
         return Memory(
-            states=tracking.at_rest(self.robot, len(known.damage.body_mass)),
-            belief=beliefs.prior(beliefs.even(scope.damages)),
+            states=tracking.at_rest(self.robot, len(scope.admitted)),
+            belief=beliefs.prior(beliefs.even(scope.admitted)),
             choice=Choice(jnp.argmax(known.value[:, 0]).astype(jnp.int32), jnp.int32(0), jnp.float32(jnp.nan)),
             trials=trial.none(self.settings.room),
             action=jnp.zeros(hexapod.ACTION_SIZE),
@@ -115,18 +130,19 @@ class Mind:
 
     def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[State, Belief]:
         """The hypotheses' robots after the last action, and the belief that they leave."""
+        damage, admitted = widened(known, scope)[0], scope.admitted
         states, errors = tracking.follow(
             self.robot,
-            known.damage,
+            damage,
             memory.states,
             memory.action,
             feeling.felt(senses),
             jnp.asarray(senses.answering),
             self.settings.gains,
         )
-        unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering[None], axis=1)
-        evidence = beliefs.log_likelihood(errors, unexpected, scope.damages, known.likelihood)
-        return states, beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
+        unexpected = jnp.sum(jax.vmap(present)(damage) != senses.answering[None], axis=1)
+        evidence = beliefs.log_likelihood(errors, unexpected, admitted, known.likelihood)
+        return states, beliefs.update(memory.belief, evidence, beliefs.even(admitted), known.likelihood.hazard)
 
     def choose(
         self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array
@@ -140,14 +156,23 @@ class Mind:
         trials = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(worth), new, old), tried, memory.trials)
         struck = (memory.belief.log[0] > HALF) & (belief.log[0] < HALF)  # what the healthy robot did says nothing now
         trials = trials._replace(count=jnp.where(struck, 0, trials.count))
-        expected = trial.expect(belief.log, known.value, prior)
+        value = widened(known, scope)[1]
+        expected = trial.expect(belief.log, value, prior)
         draw_key, any_key = jax.random.split(key)
         mean = trial.mean(expected, trials, prior)
         draw = trial.draw(expected, trials, draw_key, prior)
-        likeliest = known.value[:, jnp.argmax(belief.log[:-1])]
+        likeliest = value[:, jnp.argmax(belief.log[:-1])]
         proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
         own = choices.decide(choice, over, proposed, mean, scope.policies, jnp.exp(belief.log[-1]), pace)
         return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials
+
+    def imagine(self, known: Knowledge, damage: Damage, key: jax.Array) -> jax.Array:
+        """What every policy would be worth under a damage, f32[I]: all of them walk in its simulation."""
+        starts = jax.vmap(lambda k: strides.after_strike(self.robot, damage, k))(jax.random.split(key, WALKS))
+        walk = partial(matrix.walk, self.robot, self.network, STEPS)
+        each = jax.vmap(jax.vmap(walk, (None, None, 0)), (0, None, None))
+        speed, fell = each(known.actors, damage, starts)
+        return jnp.mean(speed, axis=1) * (1.0 - jnp.mean(fell, axis=1)) / known.healthy_speed
 
 
 @cache

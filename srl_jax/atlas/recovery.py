@@ -9,13 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from srl_jax.atlas import choice as choices
+from srl_jax.atlas import twins
 from srl_jax.atlas.belief import Likelihood
 from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.mind import DEFAULT, Knowledge, Memory, Mind, Scope, Settings
 from srl_jax.atlas.robots import Robot
 from srl_jax.atlas.senses import Senses
+from srl_jax.atlas.twins import Composer
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
+from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ
 
 
@@ -25,6 +28,7 @@ class Story(NamedTuple):
     log_belief: np.ndarray  # f32[T, N, D + 1] when they chose the action of step t
     policy: np.ndarray  # i32[T, N]
     action: np.ndarray  # f32[T, N, 18]
+    twins: list[list[str]]  # of every robot: the damages that it has put together
 
 
 @partial(jax.jit, static_argnames="mind")
@@ -35,6 +39,11 @@ def _begin(known: Knowledge, scope: Scope, key: jax.Array, *, mind: Mind) -> Mem
 @partial(jax.jit, static_argnames="mind", donate_argnames="memory")
 def _think(known: Knowledge, scope: Scope, memory: Memory, senses: Senses, *, mind: Mind) -> Memory:
     return jax.vmap(partial(mind.think, known))(scope, memory, senses)
+
+
+@partial(jax.jit, static_argnames="mind")
+def _imagine(known: Knowledge, damage: Damage, *, mind: Mind) -> jax.Array:
+    return mind.imagine(known, damage, jax.random.key(0))
 
 
 def mind_of(atlas: Atlas, settings: Settings = DEFAULT) -> Mind:
@@ -68,7 +77,7 @@ def scope(atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", to
     """
     gone = {damage_names.canonical(name) for name in without}
     kept = [np.array([name not in gone for name in names]) for names in (atlas.damages, atlas.trained_for)]
-    return Scope(kept[0], kept[1], np.array(choices.number(rule)), np.array(told))  # pyright: ignore[reportArgumentType]
+    return Scope(*kept, np.array(choices.number(rule)), np.array(told), twins.nobody(atlas.value))  # pyright: ignore
 
 
 def run(
@@ -78,8 +87,9 @@ def run(
     seconds: float,
     settings: Settings = DEFAULT,
     scopes: Callable[[int], Sequence[Scope]] | None = None,
+    compose: bool = True,
     seed: int = 0,
-    watch: Callable[[Memory], None] = lambda memory: None,
+    watch: Callable[[Memory, list[list[str]]], None] = lambda memory, twins: None,
 ) -> Story:
     """Walks robots for some seconds, side by side; whatever happens to them, each finds out by itself.
 
@@ -89,20 +99,30 @@ def run(
         seconds: of robot time.
         settings: how they doubt and choose.
         scopes: what each may use of the atlas at a control step; all of it unless told otherwise.
+        compose: whether they may put damages together from servos that fall silent (`twins`).
         seed: of their draws.
-        watch: is shown what they think at every control step.
+        watch: is shown what they think at every control step, and the damages that each has put together.
     """
     mind, known, whole = mind_of(atlas, settings), knowledge(atlas), [scope(atlas)] * len(robots)
     every = scopes or (lambda step: whole)
     keys = jax.random.split(jax.random.key(seed), len(robots))
     memory = _begin(known, _stacked(every(0)), keys, mind=mind)
+    composer = Composer(
+        atlas.damages, lambda damage: np.asarray(_imagine(known, damage, mind=mind)), [own.twins for own in every(0)]
+    )
     senses, told = [robot.reset() for robot in robots], []
     for step in range(round(seconds * CONTROL_HZ)):
-        memory = _think(known, _stacked(every(step)), memory, _stacked(senses), mind=mind)
+        now = every(step)
+        if compose:
+            for number, (own, felt) in enumerate(zip(now, senses, strict=True)):
+                composer.watch(number, np.asarray(felt.answering), np.asarray(own.damages))
+            now = [own._replace(twins=added) for own, added in zip(now, composer.twins, strict=True)]
+        memory = _think(known, _stacked(now), memory, _stacked(senses), mind=mind)
         told.append(jax.device_get((memory.belief.log, memory.choice.policy, memory.action)))
-        watch(memory)
+        watch(memory, composer.added)
         senses = [robot.step(action) for robot, action in zip(robots, told[-1][2], strict=True)]
-    return Story(*(np.stack(part) for part in zip(*told, strict=True)))
+    log_belief, policy, action = (np.stack(part) for part in zip(*told, strict=True))
+    return Story(log_belief, policy, action, composer.added)
 
 
 def _stacked(rows: Sequence[NamedTuple]):

@@ -60,14 +60,17 @@ class Worth(NamedTuple):
 
 
 def expect(log_belief: jax.Array, matrix: jax.Array, prior: Prior = PRIOR) -> Worth:
-    """What the belief f32[D + 1] says of every policy before any trial, from the matrix f32[I, D]."""
+    """What the belief f32[D + 1] says of every policy before any trial, from the matrix f32[I, D].
+
+    Damages whose belief is -inf are left out of all.
+    """
     known, strange = jnp.exp(jax.nn.log_softmax(log_belief[:-1])), jnp.exp(log_belief[-1])
     flat = jnp.exp(jax.nn.log_softmax(log_belief[:-1] / prior.flat))
     weight = (1.0 - strange) * known + strange * flat
     mean = dot(matrix, weight)
     likely = (matrix - mean[:, None]) * jnp.sqrt(weight)[None]
-    count = matrix.shape[1]
-    anything = (matrix - jnp.mean(matrix, axis=1, keepdims=True)) * jnp.sqrt(prior.strange * strange / count)
+    even = jnp.isfinite(log_belief[:-1]) / jnp.sum(jnp.isfinite(log_belief[:-1]))
+    anything = (matrix - dot(matrix, even)[:, None]) * jnp.sqrt(prior.strange * strange * even)[None]
     return Worth(mean, jnp.concatenate([likely, anything], axis=1))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.mind import Memory
 from srl_jax.atlas.robots import CRobot, World
+from srl_jax.atlas.twins import ROOM
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ
 
@@ -31,10 +32,11 @@ def tell(arguments: Any) -> None:
     known = "is in the atlas" if damage in atlas.damages else "was never foreseen"
     print(f"{damage} strikes after {arguments.strike:g} s; it {known}.")
     print(f"{'s':>5} {'m/s':>5}  {'walks by the policy for':<24} {'what it holds likely'}")
-    names = (*atlas.damages, "none of these")
 
-    def watch(memory: Memory) -> None:
+    def watch(memory: Memory, twins: list[list[str]]) -> None:
         step = len(robot.positions)
+        put_together = [f"{name} (put together)" for name in twins[0]]
+        names = [*atlas.damages, *put_together, *[""] * (ROOM - len(put_together)), "none of these"]
         if step % EVERY == 0:
             belief = np.exp(np.asarray(memory.belief.log[0]))
             likely = ", ".join(f"{names[i]} {belief[i]:.2f}" for i in np.argsort(-belief)[:3] if belief[i] >= 0.005)
