@@ -46,6 +46,7 @@ class Args:
     damages: str = "losses21"  # names and sets, as --damage of a run
     seeds: int = 3  # robots of each damage
     left_out: bool = False  # each damage is left out of the atlas for its own robots: hypotheses and policies
+    compose: bool = True  # whether robots put damages together from silent servos
     seconds: float = 10.0  # after the damage; from 20 on, its last ten are shown too
     friction: float = 0.8  # share of the atlas' own
     rules: str = ",".join(RULES)  # of choice, beside the oracle and the policy of the healthy
@@ -105,9 +106,10 @@ def named(atlas: Atlas, bodies: Sequence[CRobot], story: Story, seconds: float) 
 
 
 def alarms(bodies: Sequence[CRobot], story: Story) -> float:
-    """Share of robots that took themselves for damaged at some step before they were."""
+    """Share of robots that took themselves for damaged at some step before they were; at any, if they never were."""
     healthy = np.exp(story.log_belief[:, :, 0])
-    return float(np.mean([healthy[: body.strike + 1, i].min() < 0.5 for i, body in enumerate(bodies)]))
+    ends = [len(healthy) if body.damage == damage_names.HEALTHY else body.strike + 1 for body in bodies]
+    return float(np.mean([healthy[:end, i].min() < 0.5 for i, end in enumerate(ends)]))
 
 
 def main(args: Args) -> None:
@@ -129,7 +131,7 @@ def main(args: Args) -> None:
     for rule in ("oracle", "healthy", *args.rules.split(",")):
         bodies = robots(names, args.seeds, world)
         each = partial(scopes, atlas, bodies, args.left_out, rule)
-        story = recovery.run(atlas, bodies, seconds=seconds, scopes=each)
+        story = recovery.run(atlas, bodies, seconds=seconds, scopes=each, compose=args.compose)
         print(row(rule, [retained(bodies, window, healthy) for window in windows], bodies, args.seeds), flush=True)
         if rule == RULES[0]:
             looks = [f"{s:g} s {a:.2f} / {b:.2f}" for s in LOOKS for a, b in [named(atlas, bodies, story, s)]]

@@ -24,7 +24,7 @@ class Likelihood(NamedTuple):
     vague: float = 2.0  # times the standard deviation with which 'none of these' predicts
     most: float = 400.0  # squared norm beyond which a residual says no more: one bad reading must not decide
     mistaken: float = 0.05  # chance that a servo which is there does not answer, or one that is gone does
-    hazard: float = 0.01  # chance a step that the damage changes
+    hazard: float = 0.002  # chance a step that the damage changes
 
 
 class Belief(NamedTuple):
