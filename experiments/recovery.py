@@ -7,7 +7,7 @@ robot time counts from there. Speeds are shares of what the healthy robot walks 
 tripod; recovered is no fall, and half of that in the last window.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -70,19 +70,25 @@ def tripod_speed(atlas: Atlas, bodies: Sequence[CRobot]) -> float:
     return float(np.mean([b.positions[-1][0] - b.positions[39][0] for b in bodies]) * HZ / (STANDARD - 40))
 
 
-def scopes(atlas: Atlas, bodies: Sequence[CRobot], left_out: bool, rule: str, step: int) -> list[Scope]:
-    """What each robot may use of the atlas; whom the oracle names once the damage has struck."""
-    healthy, found = int(np.argmax(atlas.value[:, 0])), []
-    for body in bodies:
-        own = recovery.scope(atlas, [body.damage] if left_out else [], rule=rule if rule in RULES else RULES[0])
-        if rule not in RULES:
-            told = healthy
-            if rule == "oracle" and step >= body.strike and body.damage in atlas.damages:
-                column = atlas.value[:, atlas.damages.index(body.damage)]
-                told = int(np.argmax(np.where(own.policies, column, -np.inf)))
-            own = own._replace(told=np.array(told))
-        found.append(own)
-    return found
+def scopes(atlas: Atlas, bodies: Sequence[CRobot], left_out: bool, rule: str) -> Callable[[int], list[Scope]]:
+    """What each robot may use of the atlas at a control step; whom the oracle names once the damage has struck."""
+    value, own_rule = atlas.value, rule if rule in RULES else RULES[0]
+    healthy = int(np.argmax(value[:, 0]))
+    own = [recovery.scope(atlas, [body.damage] if left_out else [], rule=own_rule) for body in bodies]
+    told = np.full((2, len(bodies)), -1 if rule in RULES else healthy)  # before the strike, and after it
+    if rule == "oracle":
+        for number, body in enumerate(bodies):
+            if body.damage in atlas.damages:
+                column = np.where(own[number].policies, value[:, atlas.damages.index(body.damage)], -np.inf)
+                told[1, number] = np.argmax(column)
+
+    def at(step: int) -> list[Scope]:
+        struck = [int(step >= body.strike) for body in bodies]
+        return [
+            mine._replace(told=np.array(told[now, i])) for i, (mine, now) in enumerate(zip(own, struck, strict=True))
+        ]
+
+    return at
 
 
 def retained(bodies: Sequence[CRobot], window: tuple[float, float], healthy: float) -> np.ndarray:
@@ -130,7 +136,7 @@ def main(args: Args) -> None:
     print(f"{'rule':<10} " + "".join(f"{f'{first:g}-{last:g} s':<19}" for first, last in windows) + "recovered  falls")
     for rule in ("oracle", "healthy", *args.rules.split(",")):
         bodies = robots(names, args.seeds, world)
-        each = partial(scopes, atlas, bodies, args.left_out, rule)
+        each = scopes(atlas, bodies, args.left_out, rule)
         story = recovery.run(atlas, bodies, seconds=seconds, scopes=each, compose=args.compose)
         print(row(rule, [retained(bodies, window, healthy) for window in windows], bodies, args.seeds), flush=True)
         if rule == RULES[0]:

@@ -62,12 +62,13 @@ def decide(
     proposed: jax.Array,
     mean: jax.Array,
     admitted: jax.Array,
-    strange: jax.Array,
+    open_minded: jax.Array,
     pace: Pace,
 ) -> Choice:
     """Who walks on: the proposed one where a segment is over, or at once where the present one is clearly worse.
 
-    Where it is rather none of the damages, little is known of the others, and segments are walked to their end.
+    Where it is rather none of the damages and something was tried, segments are walked to their end: they tell more than
+    the belief.
 
     Args:
         choice: who is in command.
@@ -75,11 +76,11 @@ def decide(
         proposed: i32[] who is to be.
         mean: f32[I] what policies are expected to be worth.
         admitted: bool[I].
-        strange: f32[] probability that it is none of the damages.
+        open_minded: bool[] whether a segment may be broken off for what is expected of another policy.
         pace: how long choices are kept.
     """
     behind = jnp.max(jnp.where(admitted, mean, -jnp.inf)) - mean[choice.policy]
-    change = over | ((behind > pace.margin) & (strange < 0.5))
+    change = over | ((behind > pace.margin) & open_minded)
     return Choice(
         jnp.where(change, proposed, choice.policy),
         jnp.where(change, 0, choice.held),

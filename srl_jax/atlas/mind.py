@@ -163,7 +163,8 @@ class Mind:
         draw = trial.draw(expected, trials, draw_key, prior)
         likeliest = value[:, jnp.argmax(belief.log[:-1])]
         proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
-        own = choices.decide(choice, over, proposed, mean, scope.policies, jnp.exp(belief.log[-1]), pace)
+        open_minded = (belief.log[-1] < HALF) | (trials.count == 0)
+        own = choices.decide(choice, over, proposed, mean, scope.policies, open_minded, pace)
         return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials
 
     def imagine(self, known: Knowledge, damage: Damage, key: jax.Array) -> jax.Array:

@@ -7,6 +7,7 @@ anybody asked before. It costs no robot time and a fraction of a second of compu
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple
 
 import jax
@@ -31,8 +32,12 @@ class Twins(NamedTuple):
 
 def nobody(value: np.ndarray) -> Twins:
     """None yet; as good as an average damage of the matrix f32[I, D], so that they say nothing."""
-    healthy = damages.stack([damage_names.HEALTHY] * ROOM)
-    return Twins(healthy, np.repeat(value.mean(axis=1, keepdims=True), ROOM, axis=1), np.zeros(ROOM, bool))
+    return Twins(_healthy(), np.repeat(value.mean(axis=1, keepdims=True), ROOM, axis=1), np.zeros(ROOM, bool))
+
+
+@cache
+def _healthy() -> Damage:
+    return damages.stack([damage_names.HEALTHY] * ROOM)
 
 
 def composed(answering: np.ndarray) -> str | None:

@@ -46,17 +46,17 @@ def test_a_segment_counts_from_when_the_gait_has_settled():
 
 
 @pytest.mark.parametrize(
-    ("over", "mean", "strange", "policy"),
+    ("over", "mean", "open_minded", "policy"),
     [
-        (False, [0.5, 0.55, 0.0], 0.0, 0),  # hardly better: kept
-        (False, [0.5, 0.65, 0.0], 0.0, 1),  # clearly better
-        (False, [0.5, 0.65, 0.0], 0.9, 0),  # but nobody knows this damage
-        (True, [0.5, 0.45, 0.0], 0.0, 1),  # the segment is over: the proposed one
+        (False, [0.5, 0.55, 0.0], True, 0),  # hardly better: kept
+        (False, [0.5, 0.65, 0.0], True, 1),  # clearly better
+        (False, [0.5, 0.65, 0.0], False, 0),  # but trials tell more than the belief
+        (True, [0.5, 0.45, 0.0], True, 1),  # the segment is over: the proposed one
     ],
 )
-def test_when_the_policy_changes(over, mean, strange, policy):
+def test_when_the_policy_changes(over, mean, open_minded, policy):
     now = Choice(jnp.int32(0), jnp.int32(3), jnp.float32(0.1))
-    new = choices.decide(now, jnp.bool_(over), jnp.int32(1), jnp.array(mean), EVERY, jnp.float32(strange), PACE)
+    new = choices.decide(now, jnp.bool_(over), jnp.int32(1), jnp.array(mean), EVERY, jnp.bool_(open_minded), PACE)
     changed = over or policy == 1
     assert (int(new.policy), int(new.held)) == (policy, 0 if changed else 3)
     assert bool(np.isnan(new.begun)) == changed

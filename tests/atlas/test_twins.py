@@ -85,7 +85,7 @@ def test_lost_packets_are_no_lost_legs_and_there_is_room_for_so_many():
 def test_a_robot_names_what_its_atlas_lacks(atlas):
     """Three legs are lost, which no hypothesis has; as many robots as other tests have, whose program this shares."""
     bodies = [CRobot("leg_rf+leg_rm+leg_lr", 5, seed) for seed in range(6)]
-    story = recovery.run(atlas, bodies, seconds=1.0)
+    story = recovery.run(atlas, bodies, seconds=2.0)
     assert story.twins == [["leg_rf+leg_rm+leg_lr"]] * 6
     own = np.exp(story.log_belief[:, :, len(atlas.damages)])
     assert np.all(own[: 5 + twins.PATIENCE - 1] == 0.0) and np.all(own[-1] > 0.9)
