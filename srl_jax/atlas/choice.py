@@ -67,8 +67,8 @@ def decide(
 ) -> Choice:
     """Who walks on: the proposed one where a segment is over, or at once where the present one is clearly worse.
 
-    Where it is rather none of the damages and something was tried, segments are walked to their end: they tell more than
-    the belief.
+    Where it is rather none of the damages and something was tried, segments are walked to their end: they tell more
+    than the belief.
 
     Args:
         choice: who is in command.
