@@ -1,6 +1,6 @@
 # The package on CPUs, for engines that start containers: `docker build -t srl-jax .`, then
-#     docker run --rm -v "$PWD/sweeps:/work/sweeps" srl-jax sweep --preset smoke --out sweeps/first
-# Results go to /work, which should be a volume; every verb of `srl-jax` is a verb of the image.
+#     docker run --rm -v "$PWD/sweeps:/data/sweeps" srl-jax sweep --preset smoke --out sweeps/first
+# Results go to /data, which should be a volume; every verb of `srl-jax` is a verb of the image.
 FROM python:3.11-slim
 
 RUN apt-get update \
@@ -14,6 +14,6 @@ RUN make install && rm -rf /root/.cache/pip
 
 ENV PATH=/opt/srl_jax/.venv/bin:$PATH
 # A task must get its TERM itself, to save: so no shell around it.
-WORKDIR /work
+WORKDIR /data
 ENTRYPOINT ["srl-jax"]
 CMD ["--help"]
