@@ -23,11 +23,11 @@ from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.mind import Scope
 from srl_jax.atlas.recovery import Story
 from srl_jax.atlas.robots import CRobot, World
-from srl_jax.atlas.senses import observation
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
+from srl_jax.env.senses import observation
 from srl_jax.statistics import iqm, stratified_interval
 
 HZ = 20

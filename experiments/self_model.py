@@ -24,6 +24,7 @@ from srl_jax.blocks import blocked_map
 from srl_jax.cli.ending import leave
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
+from srl_jax.env import senses as feeling
 from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import converged_model
 from srl_jax.ite import probing, selfmodel
@@ -31,7 +32,7 @@ from srl_jax.report.style import FIXED, STYLE
 from srl_jax.statistics import stratified_interval
 
 BLOCK = 128  # robots stepped together: as many as fit the cache
-SENSES = {"all": slice(None), "imu": probing.IMU}  # imu: gyroscope and gravity, no joint encoders
+SENSES = {"all": slice(None), "imu": feeling.IMU}  # imu: gyroscope and gravity, no joint encoders
 COLOURS: dict[str, str] = dict(zip(selfmodel.CHOICES, FIXED.values(), strict=True))
 
 
@@ -60,7 +61,7 @@ def in_mjx(robot: hexapod.Hexapod, names: tuple[str, ...], actions: jax.Array) -
     def simulate(each: damages.Damage, actions: jax.Array, spread: jax.Array, key: jax.Array) -> jax.Array:
         rows = (each, jnp.tile(actions, (count, 1, 1)), jax.random.split(key, count * motions))
         batched = jax.vmap(lambda row: probing.trace(robot, row[0], row[1], spread, row[2]))
-        return blocked_map(batched, rows, BLOCK).reshape(count, *actions.shape[:2], probing.SENSES)
+        return blocked_map(batched, rows, BLOCK).reshape(count, *actions.shape[:2], feeling.SIZE)
 
     return partial(simulate, each, actions)
 
@@ -80,7 +81,7 @@ def in_c(robot: hexapod.Hexapod, actions: jax.Array, friction: float, name: str,
             mujoco.mj_step(model, data, nstep=substeps)
             poses[p, t], speeds[p, t] = data.qpos, data.qvel
     blank = jax.tree.map(lambda leaf: leaf[0], start)
-    feel = jax.vmap(jax.vmap(lambda q, v: probing.sense(robot, damage, blank._replace(qpos=q, qvel=v))))
+    feel = jax.vmap(jax.vmap(lambda q, v: feeling.felt(hexapod.feel(robot, damage, blank._replace(qpos=q, qvel=v)))))
     return np.asarray(feel(poses, speeds))
 
 
@@ -142,13 +143,13 @@ def main(args: Args) -> None:
         keys = jax.random.split(truth_key, (args.seeds, len(names)))
         each = partial(in_c, robot, actions, args.friction)
         truth = jnp.array([[each(*pair) for pair in zip(names, row, strict=True)] for row in keys])
-    observed = jnp.asarray(truth + probing.SENSOR_NOISE * np.asarray(jax.random.normal(noise_key, truth.shape)))
+    observed = jnp.asarray(truth + feeling.FELT_NOISE * np.asarray(jax.random.normal(noise_key, truth.shape)))
     title = f"{len(names)} damages, {args.seeds} seeds, truth in {args.truth}"
     print(title, "mean and 95 % interval after each motion", sep="\n")
     results = {}
     for senses, part in SENSES.items():
         model, again, felt = (traces[..., part] for traces in (predicted, repeated, observed))
-        scales = selfmodel.residual_scales(model, again, jnp.asarray(probing.SENSOR_NOISE[part]))
+        scales = selfmodel.residual_scales(model, again, jnp.asarray(feeling.FELT_NOISE[part]))
         for choice in selfmodel.CHOICES:
             results[senses, choice] = accuracy(model, felt, scales, choice_key, args.probes, choice)
     show(args.out, results, title)

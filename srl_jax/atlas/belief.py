@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax.scipy.special import logsumexp
 
-from srl_jax.atlas.senses import SIZE
+from srl_jax.env.senses import SIZE
 
 
 class Likelihood(NamedTuple):

@@ -10,12 +10,12 @@ import numpy as np
 
 from srl_jax.agents import behaviour
 from srl_jax.agents.settings import ActorConfig
-from srl_jax.atlas import senses as feeling
 from srl_jax.atlas import tracking
 from srl_jax.atlas.robots import CRobot, World
 from srl_jax.atlas.tracking import Gains
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
+from srl_jax.env import senses as feeling
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ, Hexapod
 from srl_jax.types import Params

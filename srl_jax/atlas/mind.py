@@ -13,19 +13,18 @@ from srl_jax.agents.settings import DDPGConfig
 from srl_jax.atlas import belief as beliefs
 from srl_jax.atlas import choice as choices
 from srl_jax.atlas import matrix, tracking
-from srl_jax.atlas import senses as feeling
 from srl_jax.atlas import trials as trial
 from srl_jax.atlas.belief import Belief, Likelihood
 from srl_jax.atlas.choice import Choice, Pace
-from srl_jax.atlas.senses import Senses
 from srl_jax.atlas.tracking import Gains
 from srl_jax.atlas.trials import Trials
 from srl_jax.atlas.twins import Twins
 from srl_jax.env import hexapod
+from srl_jax.env import senses as feeling
 from srl_jax.env.damage import Damage, present
-from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.env.hexapod import CONTROL_HZ, EnvState
+from srl_jax.env.senses import Senses
 from srl_jax.env.settings import EnvConfig
-from srl_jax.env.star.stepper import State
 from srl_jax.program import strides
 from srl_jax.types import Params
 
@@ -81,7 +80,7 @@ def widened(known: Knowledge, scope: Scope) -> tuple[Damage, jax.Array]:
 class Memory(NamedTuple):
     """What a robot carries from step to step."""
 
-    states: State  # of every hypothesis' robot, leaves [D, ...]
+    states: EnvState  # of every hypothesis' robot, leaves [D, ...]
     belief: Belief
     choice: Choice
     trials: Trials
@@ -128,7 +127,7 @@ class Mind:
         phase = jnp.mod(memory.phase + self.clock_hz / CONTROL_HZ, 1.0)
         return Memory(states, belief, choice, trials, action, phase, key)
 
-    def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[State, Belief]:
+    def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[EnvState, Belief]:
         """The hypotheses' robots after the last action, and the belief that they leave."""
         damage, admitted = widened(known, scope)[0], scope.admitted
         states, errors = tracking.follow(

@@ -14,12 +14,12 @@ from srl_jax.atlas.belief import Likelihood
 from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.mind import DEFAULT, Knowledge, Memory, Mind, Scope, Settings
 from srl_jax.atlas.robots import Robot
-from srl_jax.atlas.senses import Senses
 from srl_jax.atlas.twins import Composer
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.env.senses import Senses
 
 
 class Story(NamedTuple):

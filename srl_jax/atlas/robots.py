@@ -6,15 +6,12 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from srl_jax.atlas.senses import Senses
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import ACTION_SCALE, CONTROL_HZ, UPRIGHT
 from srl_jax.env.model import stance
+from srl_jax.env.senses import NOISE, Senses
 from srl_jax.evaluate import converged_model
-
-# One standard deviation: encoders (rad), their speeds (rad/s), gyroscope (rad/s), direction of gravity.
-NOISE = {"joints": 0.02, "speeds": 0.1, "gyroscope": 0.05, "gravity": 0.02}
 
 
 class Robot(Protocol):

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
-from srl_jax.env import physics
+from srl_jax.env import physics, senses
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model, stance
+from srl_jax.env.senses import Senses
 from srl_jax.env.settings import TASKS, EnvConfig
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.stepper import State
@@ -152,34 +153,39 @@ def rotation(quaternion: jax.Array) -> jax.Array:
     )
 
 
-def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
-    """The observation f32[O], components of order one.
+def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
+    """What the robot's sensors say, without noise.
 
-    First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
-    and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
-    `rates` adds the gyroscope (3) and joint velocities (18); `full` base velocity (3, before them) and height (1, last)
-    too, for which the robot has no sensor.
-    Joints of removed links read 0: no encoder answers for them, whatever the simulation's ghosts do.
+    Encoders of removed links are silent and read 0, whatever the simulation's ghosts do.
     """
-    frame, felt = rotation(state.qpos[3:7]), damages.present(damage)
-    angle = 2.0 * jnp.pi * state.phase
+    frame, present = rotation(state.qpos[3:7]), damages.present(damage)
     position = state.qpos[:2]
     heading = frame[:2, 0] / jnp.maximum(jnp.linalg.norm(frame[:2, 0]), 1e-6)
     towards = tasks.direction(robot.task, position, state.goal)
     ahead = jnp.dot(towards, heading, precision="highest")
     left = heading[0] * towards[1] - heading[1] * towards[0]
-    parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle), ahead, left])]
-    if robot.task == "p2p":
-        parts.append(jnp.minimum(-tasks.distance("p2p", position, state.goal), 2.0)[None])
-    parts += [-frame[2], jnp.where(felt, state.qpos[7:] - robot.stance[7:], 0.0)]
-    kind = robot.config.observation
-    if kind == "full":
-        parts.append(jnp.matmul(frame.T, state.qvel[:3], precision="highest"))
-    if kind != "onboard":
-        parts += [0.3 * state.qvel[3:6], 0.1 * jnp.where(felt, state.qvel[6:], 0.0)]
-    if kind == "full":
-        parts.append(10.0 * state.qpos[2:3])
-    return jnp.concatenate(parts)
+    return Senses(
+        joints=jnp.where(present, state.qpos[7:] - robot.stance[7:], 0.0),
+        speeds=jnp.where(present, state.qvel[6:], 0.0),
+        answering=present,
+        gyroscope=state.qvel[3:6],
+        gravity=-frame[2],
+        towards=jnp.stack([ahead, left]),
+        distance=-tasks.distance("p2p", position, state.goal),
+        come=tasks.distance(robot.task, position, state.goal),
+    )
+
+
+def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
+    """The observation f32[O], see `senses.observation`."""
+    velocity = jnp.matmul(rotation(state.qpos[3:7]).T, state.qvel[:3], precision="highest")
+    return senses.observation(
+        feel(robot, damage, state),
+        state.phase,
+        task=robot.task,
+        kind=robot.config.observation,
+        beyond=senses.Beyond(velocity, state.qpos[2]),
+    )
 
 
 def observation_size(task: str, config: EnvConfig) -> int:

@@ -2,19 +2,15 @@
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from srl_jax.env import hexapod
-from srl_jax.env.damage import Damage, present
+from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE, CONTROL_HZ, EnvState, Hexapod
+from srl_jax.env.senses import felt
 
 LEGS, SEGMENTS = 6, 3
 RAMP = 0.5  # s in which a motion grows to its full size, so that a robot at rest is not thrown
 FREQUENCIES = (0.5, 1.5)  # Hz, of a leg
-SENSES = ACTION_SIZE + 3 + 3
-IMU = slice(ACTION_SIZE, SENSES)  # what is left of the senses without joint encoders
-# One standard deviation: encoders of hobby servos (rad), a MEMS gyroscope (rad/s), and its estimate of the vertical.
-SENSOR_NOISE = np.repeat(np.array([0.02, 0.05, 0.02], np.float32), (ACTION_SIZE, 3, 3))
 
 
 def probes(key: jax.Array, count: int, steps: int, *, amplitude: float = 0.5) -> jax.Array:
@@ -47,15 +43,6 @@ def probes(key: jax.Array, count: int, steps: int, *, amplitude: float = 0.5) ->
     return (ramp[None, :, None, None] * size[:, None] * jnp.sin(angle)).reshape(count, steps, ACTION_SIZE)
 
 
-def sense(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
-    """What a real robot feels f32[24]: joint angles about the stance (rad), gyroscope (rad/s), direction of gravity.
-
-    The encoder of a removed link is silent and reads 0; the simulation's ghost of it would be no evidence.
-    """
-    joints = jnp.where(present(damage), state.qpos[7:] - robot.stance[7:], 0.0)
-    return jnp.concatenate([joints, state.qvel[3:6], -hexapod.rotation(state.qpos[3:7])[2]])
-
-
 def trace(robot: Hexapod, damage: Damage, actions: jax.Array, spread: jax.Array, key: jax.Array) -> jax.Array:
     """One motion of one robot in MJX, felt without sensor noise: f32[T, 24].
 
@@ -71,6 +58,6 @@ def trace(robot: Hexapod, damage: Damage, actions: jax.Array, spread: jax.Array,
 
     def advance(state: EnvState, action: jax.Array) -> tuple[EnvState, jax.Array]:
         state = hexapod.simulate(robot, damage, state, hexapod.targets(robot, action))
-        return state, sense(robot, damage, state)
+        return state, felt(hexapod.feel(robot, damage, state))
 
     return jax.lax.scan(advance, state, actions)[1]

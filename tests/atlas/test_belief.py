@@ -6,7 +6,7 @@ import numpy as np
 
 from srl_jax.atlas import belief as beliefs
 from srl_jax.atlas.belief import Belief, Likelihood
-from srl_jax.atlas.senses import SIZE
+from srl_jax.env.senses import SIZE
 
 ALL = jnp.ones(3, bool)
 LIKELIHOOD = Likelihood(jnp.eye(SIZE))

@@ -7,8 +7,8 @@ import pytest
 
 from srl_jax.atlas import recovery, tracking
 from srl_jax.atlas.robots import CRobot, World
-from srl_jax.atlas.senses import felt, observation
 from srl_jax.env import damage, hexapod
+from srl_jax.env.senses import felt, observation
 from srl_jax.env.settings import EnvConfig
 
 STRIKE, SECONDS = 10, 1.5

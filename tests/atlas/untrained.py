@@ -6,9 +6,9 @@ import numpy as np
 
 from srl_jax.agents.networks import Actor
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.senses import SIZE
 from srl_jax.env import gait as gaits
 from srl_jax.env.hexapod import ACTION_SIZE, observation_size
+from srl_jax.env.senses import SIZE
 from srl_jax.env.settings import EnvConfig
 
 DAMAGES = ("healthy", "leg_rm", "femur_lf:limp", "leg_rf+leg_lr")

@@ -7,7 +7,6 @@ import pytest
 
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
-from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.settings import EnvConfig
 from srl_jax.ite import probing
 
@@ -60,39 +59,6 @@ def test_motions_depend_on_the_key_and_not_on_their_length():
 def test_bad_motions_are_named(given, message):
     with pytest.raises(ValueError, match=message):
         probing.probes(KEY, **given)
-
-
-def test_senses_are_joints_gyroscope_and_gravity(robot):
-    state, _ = hexapod.reset(robot, damages.build("healthy"), KEY)
-    roll = 0.3  # rad, about the body's x: gravity turns towards its right, -y
-    state = state._replace(
-        qpos=state.qpos.at[3:7].set(jnp.array([np.cos(roll / 2), np.sin(roll / 2), 0.0, 0.0])),
-        qvel=jnp.arange(24.0),
-    )
-    felt = probing.sense(robot, damages.build("healthy"), state)
-    assert felt.shape == (probing.SENSES,) == probing.SENSOR_NOISE.shape
-    np.testing.assert_allclose(felt[:18], state.qpos[7:] - robot.stance[7:], atol=1e-6)
-    np.testing.assert_array_equal(felt[18:21], [3.0, 4.0, 5.0])
-    np.testing.assert_allclose(felt[21:], [0.0, -np.sin(roll), -np.cos(roll)], atol=1e-6)
-    np.testing.assert_array_equal(felt[probing.IMU], felt[18:])
-
-
-@pytest.mark.parametrize(
-    ("name", "silent"),
-    [
-        ("healthy", ()),
-        ("tibia_rm", ("tibia_rm",)),
-        ("femur_lf", ("femur_lf", "tibia_lf")),
-        ("leg_lr", ("coxa_lr", "femur_lr", "tibia_lr")),
-        ("leg_lr:limp", ()),
-        ("coxa_rf:locked", ()),
-    ],
-)
-def test_only_encoders_of_removed_links_are_silent(robot, name, silent):
-    state, _ = hexapod.reset(robot, damages.build("healthy"), KEY)
-    felt = probing.sense(robot, damages.build(name), state)
-    expected = [joint for joint, angle in zip(JOINTS, felt[:18], strict=True) if angle == 0.0]
-    assert tuple(expected) == silent
 
 
 def test_a_trace_feels_every_step_of_the_motion(robot, servos):

@@ -1,0 +1,79 @@
+"""What a real robot feels, and the observation that a policy is given of it."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from srl_jax.env.anatomy import JOINTS
+
+SIZE = len(JOINTS) + 6  # of what is felt
+ANGLES, GYROSCOPE, GRAVITY = slice(0, len(JOINTS)), slice(len(JOINTS), len(JOINTS) + 3), slice(len(JOINTS) + 3, SIZE)
+IMU = slice(GYROSCOPE.start, SIZE)  # what is left of the senses without joint encoders
+# One standard deviation: encoders of hobby servos (rad) and their speeds (rad/s), a MEMS gyroscope (rad/s), and its
+# estimate of the vertical.
+NOISE = {"joints": 0.02, "speeds": 0.1, "gyroscope": 0.05, "gravity": 0.02}
+FELT_NOISE = np.repeat(
+    np.array([NOISE[x] for x in ("joints", "gyroscope", "gravity")], np.float32), (len(JOINTS), 3, 3)
+)
+Array = jax.Array | np.ndarray
+
+
+class Senses(NamedTuple):
+    """One control step's readings: encoders, an inertial unit, and where the task is; no base velocity, no height."""
+
+    joints: Array  # f32[18] rad about the stance; 0 where the servo does not answer
+    speeds: Array  # f32[18] rad/s; 0 where the servo does not answer
+    answering: Array  # bool[18] whose servos answer
+    gyroscope: Array  # f32[3] rad/s, body frame
+    gravity: Array  # f32[3] direction of gravity in the body frame
+    towards: Array  # f32[2] unit vector in the body's plane, ahead and left, that the task rewards going along
+    distance: Array  # f32[] m to the goal; p2p only
+    come: Array  # f32[] m come along the task, up to a constant, what a reward is made of; NaN: nobody tells
+
+
+class Beyond(NamedTuple):
+    """What no sensor of a robot tells, and a simulation knows."""
+
+    velocity: Array  # f32[3] m/s of the base, body frame
+    height: Array  # f32[] m
+
+
+def felt(senses: Senses) -> jax.Array:
+    """What a model of the robot must explain, f32[24]: joint angles, gyroscope, gravity."""
+    return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity])
+
+
+def observation(senses: Senses, phase: jax.Array, *, task: str, kind: str, beyond: Beyond | None = None) -> jax.Array:
+    """The observation f32[O], components of order one.
+
+    First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
+    and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
+    `rates` adds the gyroscope (3) and joint velocities (18); `full` base velocity (3, before them) and height (1, last)
+    too.
+
+    Args:
+        senses: what is felt.
+        phase: f32[] of the gait's clock in [0, 1).
+        task: x, xy or p2p.
+        kind: onboard, rates or full.
+        beyond: for `full`.
+
+    Raises:
+        ValueError: `full`, and nobody says what no sensor tells.
+    """
+    if kind == "full" and beyond is None:
+        raise ValueError(f"observation is {kind!r}: a robot's sensors give onboard or rates.")
+    angle = 2.0 * jnp.pi * phase
+    parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle)]), senses.towards]
+    if task == "p2p":
+        parts.append(jnp.minimum(senses.distance, 2.0)[None])
+    parts += [senses.gravity, senses.joints]
+    if beyond is not None and kind == "full":
+        parts.append(beyond.velocity)
+    if kind != "onboard":
+        parts += [0.3 * senses.gyroscope, 0.1 * senses.speeds]
+    if beyond is not None and kind == "full":
+        parts.append(10.0 * beyond.height[None])
+    return jnp.concatenate(parts)
