@@ -21,7 +21,7 @@ ROOMS = (  # highest first; rooms of one line do not know each other
     ("ite",),
     ("agents",),
     ("bayes", "env"),
-    ("types", "statistics", "distributions", "blocks", "machine", "seam"),
+    ("types", "statistics", "distributions", "arrays", "blocks", "machine", "seam"),
 )
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
     *("__init__", "__main__", "run", "repertoire", "recover", "config", "machine", "ite.settings"),

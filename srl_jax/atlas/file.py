@@ -1,7 +1,6 @@
 """The file of an atlas: policies, who walks how well under which damage, and how the senses tell damages apart."""
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,11 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from srl_jax import arrays
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.env import damage_names
 from srl_jax.types import Params
 
 DATA = Path(__file__).with_name("atlas.npz")
+MEASURED = ("speed", "falls", "whitening")
 ACTOR = "actor"  # what the names of a network's arrays begin with
 
 
@@ -49,13 +50,10 @@ def save(path: Path, atlas: Atlas, *, half: bool = True) -> None:
     leaves = jax.tree.leaves_with_path(atlas.actors)
     names = ["/".join((ACTOR, *(str(key.key) for key in keys))) for keys, _ in leaves]
     kept = np.float16 if half else np.float32
-    arrays = {name: np.asarray(leaf, kept) for name, (_, leaf) in zip(names, leaves, strict=True)}
-    arrays |= {name: np.asarray(getattr(atlas, name), np.float32) for name in ("speed", "falls", "whitening")}
+    networks = {name: np.asarray(leaf, kept) for name, (_, leaf) in zip(names, leaves, strict=True)}
+    measured = {name: np.asarray(getattr(atlas, name), np.float32) for name in MEASURED}
     about = atlas.about | {"damages": atlas.damages, "trained_for": atlas.trained_for}
-    partial = path.with_suffix(".partial")
-    with partial.open("wb") as file:
-        np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)  # pyright: ignore[reportArgumentType]
-    partial.replace(path)
+    arrays.save(path, about=np.array(json.dumps(about)), **measured, **networks)
 
 
 def load(path: str | Path = "") -> Atlas:
@@ -66,23 +64,23 @@ def load(path: str | Path = "") -> Atlas:
     """
     path = Path(path) if path else DATA
     try:
-        with path.open("rb") as file, np.load(file) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        about = json.loads(str(arrays.pop("about")))
+        found = arrays.load(path)
+        about = json.loads(str(found.pop("about")))
         damages, trained_for = tuple(about.pop("damages")), tuple(about.pop("trained_for"))
-        parts = {name: arrays.pop(name) for name in ("speed", "falls", "whitening")}
+        measured = {name: found.pop(name) for name in MEASURED}
     except FileNotFoundError:
         raise ValueError(f"{path} does not exist: make an atlas with python -m srl_jax.atlas.") from None
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except arrays.UNREADABLE as error:
         raise ValueError(f"{path} cannot be read as an atlas ({type(error).__name__}).") from error
-    if parts["speed"].shape != (len(trained_for), len(damages)) or parts["falls"].shape != parts["speed"].shape:
+    shape = (len(trained_for), len(damages))
+    if any(measured[name].shape != shape for name in ("speed", "falls")):
         raise ValueError(f"{path} is damaged: its matrix has not a row a policy and a column a damage.")
-    return Atlas(damages, trained_for, _nested(arrays), **parts, about=about)
+    return Atlas(damages, trained_for, _nested(found), **measured, about=about)
 
 
-def _nested(arrays: dict[str, np.ndarray]) -> Params:
+def _nested(networks: dict[str, np.ndarray]) -> Params:
     tree: dict[str, Any] = {}
-    for name, array in arrays.items():
+    for name, array in networks.items():
         _, *above, last = name.split("/")
         branch = tree
         for key in above:

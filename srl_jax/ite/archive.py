@@ -5,7 +5,6 @@ descriptors are counts of the 100 control steps (one byte each), and both are ex
 """
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from srl_jax import arrays
 from srl_jax.ite import elites
 from srl_jax.ite.elites import DIMENSIONS, LEVELS, Archive
 from srl_jax.ite.family import GENES
@@ -33,21 +33,13 @@ class Repertoire(NamedTuple):
 def save(path: Path, archive: Archive, about: dict[str, Any]) -> None:
     """Writes an archive's filled cells, all of the file or nothing of it; `about` must be fit for JSON."""
     filled = np.isfinite(archive.fitness)
-    save_arrays(
+    arrays.save(
         path,
         genes=np.asarray(archive.genes)[filled],
         fitness=np.asarray(archive.fitness, np.float32)[filled],
         contacts=np.rint(STEPS * np.asarray(archive.descriptors)[filled]).astype(np.uint8),
         about=np.array(json.dumps(about)),
     )
-
-
-def save_arrays(path: Path, **arrays: Any) -> None:
-    """Writes a compressed .npz, all of the file or nothing of it."""
-    partial = path.with_suffix(".partial")
-    with partial.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-    partial.replace(path)
 
 
 def load(path: str | Path = "") -> Repertoire:
@@ -58,14 +50,13 @@ def load(path: str | Path = "") -> Repertoire:
     """
     path = Path(path) if path else DATA
     try:
-        with path.open("rb") as file, np.load(file) as arrays:
-            found = {name: arrays[name] for name in ("genes", "fitness", "contacts", "about")}
+        found = arrays.load(path)
+        genes, fitness, contacts = found["genes"], found["fitness"], found["contacts"]
         about = json.loads(str(found["about"]))
     except FileNotFoundError:
         raise ValueError(f"{path} does not exist: make a repertoire with python -m srl_jax.repertoire.") from None
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except arrays.UNREADABLE as error:
         raise ValueError(f"{path} cannot be read as a repertoire ({type(error).__name__}).") from error
-    genes, fitness, contacts = found["genes"], found["fitness"], found["contacts"]
     count = len(genes)
     shapes = [x.shape for x in (genes, fitness, contacts)]
     if shapes != [(count, GENES), (count,), (count, DIMENSIONS)] or not count:

@@ -2,12 +2,11 @@
 
 import csv
 import dataclasses
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from srl_jax.ite import archive as repertoire
+from srl_jax import arrays
 from srl_jax.ite import elites
 from srl_jax.ite.elites import Archive
 from srl_jax.job.files import replaced
@@ -39,8 +38,8 @@ def write_metrics(path: Path, history: np.ndarray) -> None:
 
 def write_checkpoint(path: Path, search: Search) -> None:
     """The whole search in one file."""
-    arrays = {name: np.asarray(value) for name, value in search.archive._asdict().items()}
-    repertoire.save_arrays(path, **arrays, history=search.history, seconds=np.array(search.seconds))
+    found = {name: np.asarray(value) for name, value in search.archive._asdict().items()}
+    arrays.save(path, **found, history=search.history, seconds=np.array(search.seconds))
 
 
 def read_checkpoint(path: Path) -> Search | None:
@@ -52,10 +51,10 @@ def read_checkpoint(path: Path) -> Search | None:
     if not path.exists():
         return None
     try:
-        with path.open("rb") as file, np.load(file) as arrays:
-            archive = Archive(*(arrays[name] for name in Archive._fields))
-            search = Search(archive, arrays["history"], float(arrays["seconds"]))
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        found = arrays.load(path)
+        archive = Archive(*(found[name] for name in Archive._fields))
+        search = Search(archive, found["history"], float(found["seconds"]))
+    except arrays.UNREADABLE as error:
         raise ValueError(
             f"{path} cannot be read ({type(error).__name__}); remove it to start again, or restore it from a copy."
         ) from error

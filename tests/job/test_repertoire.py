@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from srl_jax import arrays as arrays_files
 from srl_jax.ite import archive as repertoire
 from srl_jax.ite import elites
 from srl_jax.ite import walk as evaluate
@@ -157,7 +158,7 @@ def test_files_that_are_no_repertoire_are_refused(finished, tmp_path):
     with np.load(finished[0] / "map.npz") as file:
         arrays = dict(file)
     arrays["genes"][0, 0] = 21
-    repertoire.save_arrays(tmp_path / "bad.npz", **arrays)
+    arrays_files.save(tmp_path / "bad.npz", **arrays)
     with pytest.raises(ValueError, match="out of range"):
         repertoire.load(tmp_path / "bad.npz")
 
