@@ -11,14 +11,14 @@ from typing import Literal
 import tyro
 
 from srl_jax.cli.ending import leave
-from srl_jax.cli.run import devices_of, quiet
-from srl_jax.cli.signals import StopSignals
+from srl_jax.cli.run import OF_THE_MACHINE, devices_of, train
 from srl_jax.config import Config, preset
 from srl_jax.job import plan
-from srl_jax.job.files import read_config
+from srl_jax.job.files import differences, read_config
 
 PROGRAM = "srl-jax atlas"
 NAME = "atlas.npz"
+PRESETS: tuple[Literal["default", "smoke"], ...] = ("default", "smoke")
 
 
 @dataclass(frozen=True)
@@ -55,33 +55,18 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _main(argv: list[str]) -> int:
-    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
-    config = replace(read_config(Path(arguments.resume))[0] if arguments.resume else configured(arguments))
+    arguments, config = parse(argv)
     directory = Path(arguments.resume or arguments.out or f"runs/atlas-{time.strftime('%Y%m%d-%H%M%S')}")
-    devices, stop = devices_of(config), StopSignals()
-    quiet()
+    if (directory / "summary.json").exists() and arguments.resume:  # trained, but not judged
+        devices_of(config)
+    else:
+        exact, resume = bool(arguments.out), bool(arguments.resume)
+        directory, code = train(config, directory, exact=exact, resume=resume, verb=PROGRAM)
+        if code:
+            return code
 
-    from srl_jax.cli.progress import Display
-    from srl_jax.job import atlas
-    from srl_jax.job.run import run  # jax starts here, after the devices are known
+    from srl_jax.job import atlas  # jax has been set up
 
-    finished = arguments.resume and (directory / "summary.json").exists()
-    if not finished:
-        with Display() as display:
-            summary = run(
-                config,
-                directory,
-                devices,
-                exact=bool(arguments.out),
-                resume=bool(arguments.resume),
-                listener=display.update,
-                stopped=stop.requested,
-            )
-        directory = display.directory
-        if summary is None:
-            print(f"Stopped and saved. Go on with: {PROGRAM} --resume {directory}")
-            return 128 + stop.number
-        display.closing(summary)
     print(f"Judging {len(plan.make(config).lanes)} policies under every damage.", flush=True)
     made = atlas.from_run(directory, directory / NAME, command=asked(arguments))
     best = made.value.max(axis=0)
@@ -90,12 +75,53 @@ def _main(argv: list[str]) -> int:
     return 0
 
 
+def parse(argv: list[str]) -> tuple[Arguments, Config]:
+    """The command line, on top of what the resumed atlas was asked for, if one is; and the run that it configures.
+
+    Raises:
+        ValueError: a value is impossible, or a resumed atlas is given other settings than its own.
+    """
+    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
+    if not arguments.resume:
+        return arguments, configured(arguments)
+    config = read_config(Path(arguments.resume))[0]
+    own = replace(of(config, arguments.resume), resume=arguments.resume)
+    arguments = tyro.cli(Arguments, args=argv, default=own, prog=PROGRAM)
+    changed = [name for name in differences(vars(own), vars(arguments)) if name not in OF_THE_MACHINE]
+    if changed:
+        raise ValueError(f"resume {own.resume}: {', '.join(changed)} differ from the atlas' own; leave them out.")
+    return arguments, replace(config, devices=arguments.devices)
+
+
+def of(config: Config, directory: str) -> Arguments:
+    """What an atlas' run was asked for.
+
+    Raises:
+        ValueError: the run is none of an atlas.
+    """
+    for name in PRESETS:
+        arguments = Arguments(
+            damages=config.damage,
+            task=config.task,  # pyright: ignore[reportArgumentType]
+            seeds=config.seeds,
+            steps=config.steps,
+            observation=config.env.observation,  # pyright: ignore[reportArgumentType]
+            stride_starts=config.env.stride_starts,
+            guidance_weight=config.srl.guidance_weight[0],
+            preset=name,
+            devices=config.devices,
+        )
+        if configured(arguments) == config:
+            return arguments
+    raise ValueError(f"resume is {directory}: it is no atlas' run; go on with it by srl-jax run --resume {directory}.")
+
+
 def asked(arguments: Arguments) -> str:
     """The command that makes the same atlas again, wherever its files go."""
     default, words = Arguments(), PROGRAM.split()
     for field in dataclasses.fields(Arguments):
         value = getattr(arguments, field.name)
-        if value != getattr(default, field.name) and field.name not in ("out", "resume", "devices"):
+        if value != getattr(default, field.name) and field.name not in ("out", "resume", *OF_THE_MACHINE):
             words += [f"--{field.name.replace('_', '-')}", str(value)]
     return shlex.join(words)
 

@@ -41,8 +41,20 @@ def main(argv: list[str] | None = None) -> None:
 
 def _main(argv: list[str]) -> int:
     arguments, config = parse(argv)
-
     directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
+    return train(config, directory, exact=bool(arguments.out), resume=bool(arguments.resume), verb="srl-jax run")[1]
+
+
+def train(config: Config, directory: Path, *, exact: bool, resume: bool, verb: str) -> tuple[Path, int]:
+    """Sets jax up and trains, with a display; returns where the files went, and 0 or what a shell makes of the signal.
+
+    Args:
+        config: what to do.
+        directory: where the files go.
+        exact: it is this directory, or another number may be appended where it is taken.
+        resume: go on with what is there.
+        verb: by which a stopped run is gone on with.
+    """
     devices, stop = devices_of(config), StopSignals()
     quiet()
 
@@ -54,16 +66,16 @@ def _main(argv: list[str]) -> int:
             config,
             directory,
             devices,
-            exact=bool(arguments.out),
-            resume=bool(arguments.resume),
+            exact=exact,
+            resume=resume,
             listener=display.update,
             stopped=stop.requested,
         )
     if summary is None:
-        print(f"Stopped and saved. Go on with: srl-jax run --resume {display.directory}")
-        return 128 + stop.number
+        print(f"Stopped and saved. Go on with: {verb} --resume {display.directory}")
+        return display.directory, 128 + stop.number
     display.closing(summary)
-    return 0
+    return display.directory, 0
 
 
 def devices_of(config: Config) -> int:

@@ -1,12 +1,9 @@
-"""The verbs `recover` and `atlas`: the story that is told, the run that is configured, bad input in one sentence."""
+"""The verb `recover`: the story that is told, and bad input in one sentence."""
 
 import pytest
 
 from srl_jax.atlas import file
-from srl_jax.cli import atlas as atlas_verb
 from srl_jax.cli import recover
-from srl_jax.cli.atlas import Arguments
-from srl_jax.job import plan
 from tests.conftest import DEVICES
 
 
@@ -34,18 +31,3 @@ def test_bad_input_gets_one_sentence(words, said, capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         recover.main(words)
     assert ended.value.code == 2 and said in capsys.readouterr().err
-
-
-def test_the_run_of_an_atlas_has_the_healthy_robot_and_starts_in_mid_stride():
-    config = atlas_verb.configured(Arguments(damages="losses21", steps=20_000, guidance_weight=2.0))
-    assert config.damage == "healthy,losses21" and config.algos == "srl" and config.steps == 20_000
-    assert (config.env.observation, config.env.stride_starts) == ("onboard", 0.5)
-    assert config.srl.guidance_weight == (2.0,) and config.train.checkpoint_every == 5_000
-    assert atlas_verb.configured(Arguments(damages="all")).damage == "all"
-    with pytest.raises(ValueError, match="steps is 7"):
-        plan.make(atlas_verb.configured(Arguments(steps=7)))
-
-
-def test_the_command_that_is_recorded_names_no_place():
-    asked = atlas_verb.asked(Arguments(damages="all,triples", steps=100_000, out="somewhere", devices="1"))
-    assert asked == "srl-jax atlas --damages all,triples --steps 100000"
