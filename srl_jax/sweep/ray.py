@@ -58,9 +58,8 @@ def work(directory: str, number: int, cpus: int) -> int:
 
 
 def _once(directory: str, number: int, cores: set[int]) -> int:
-    own = os.environ | {
-        task.LEADER: str(os.getpid())
-    }  # else a task goes on when its worker is lost, and holds the pack
+    # Without a leader a task would go on when its worker is lost, and hold the pack.
+    own = os.environ | {task.LEADER: str(os.getpid())}
     process = task.begin(Path(directory), number, cores, env=own)
     try:
         return process.wait()

@@ -15,9 +15,7 @@ class Status:
     """Of all packs."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    troubled: list[tuple[int, attempts.Fate]] = field(
-        default_factory=list
-    )  # failed, cut off, or with lanes that failed
+    troubled: list[tuple[int, attempts.Fate]] = field(default_factory=list)  # packs that failed, or lanes of theirs
     lanes_per_hour: float = 0.0
     hours_left: float | None = None
 
