@@ -47,5 +47,5 @@ def _main(argv: list[str]) -> int:
 
     from srl_jax.cli.story import tell  # jax starts here
 
-    tell(arguments)
+    tell(**vars(arguments))
     return 0
