@@ -65,16 +65,14 @@ class Scope(NamedTuple):
     told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
     twins: Twins  # S hypotheses more, that it has put together itself
 
-    @property
-    def admitted(self) -> jax.Array:
-        """bool[D + S] the hypotheses that it has."""
-        return jnp.append(self.damages, self.twins.admitted)
 
-
-def widened(known: Knowledge, scope: Scope) -> tuple[Damage, jax.Array]:
-    """Damages, leaves [D + S, ...], and matrix f32[I, D + S] of an atlas and of a robot's own hypotheses."""
-    damage = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), known.damage, scope.twins.damage)
-    return damage, jnp.concatenate([known.value, scope.twins.value], axis=1)
+def widened(known: Knowledge, scope: Scope) -> tuple[Knowledge, Scope]:
+    """The atlas with a robot's own hypotheses after its damages, D + S in all, and what of it the robot may use."""
+    wide = known._replace(
+        damage=jax.tree.map(lambda a, b: jnp.concatenate([a, b]), known.damage, scope.twins.damage),
+        value=jnp.concatenate([known.value, scope.twins.value], axis=1),
+    )
+    return wide, scope._replace(damages=jnp.append(scope.damages, scope.twins.admitted))
 
 
 class Memory(NamedTuple):
@@ -106,10 +104,12 @@ class Mind:
 
     def begin(self, known: Knowledge, scope: Scope, key: jax.Array) -> Memory:
         """Before the first step: healthy, and walking as the healthy do."""
+        known, scope = widened(known, scope)
+        best = jnp.argmax(jnp.where(scope.policies, known.value[:, 0], -jnp.inf)).astype(jnp.int32)
         return Memory(
-            states=tracking.at_rest(self.robot, len(scope.admitted)),
-            belief=beliefs.prior(beliefs.even(scope.admitted)),
-            choice=Choice(jnp.argmax(known.value[:, 0]).astype(jnp.int32), jnp.int32(0), jnp.float32(jnp.nan)),
+            states=tracking.at_rest(self.robot, len(scope.damages)),
+            belief=beliefs.prior(beliefs.even(scope.damages)),
+            choice=Choice(best, jnp.int32(0), jnp.float32(jnp.nan)),
             trials=trial.none(self.settings.room),
             action=jnp.zeros(hexapod.ACTION_SIZE),
             phase=jax.random.uniform(key),
@@ -118,6 +118,7 @@ class Mind:
 
     def think(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> Memory:
         """One control step: what came of the last action, what that says of the damage, who walks, the next action."""
+        known, scope = widened(known, scope)
         key, choice_key = jax.random.split(memory.key)
         states, belief = self.doubt(known, scope, memory, senses)
         choice, trials = self.choose(known, scope, memory, belief, senses, choice_key)
@@ -129,19 +130,18 @@ class Mind:
 
     def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[EnvState, Belief]:
         """The hypotheses' robots after the last action, and the belief that they leave."""
-        damage, admitted = widened(known, scope)[0], scope.admitted
         states, errors = tracking.follow(
             self.robot,
-            damage,
+            known.damage,
             memory.states,
             memory.action,
             feeling.felt(senses),
             jnp.asarray(senses.answering),
             self.settings.gains,
         )
-        unexpected = jnp.sum(jax.vmap(present)(damage) != senses.answering[None], axis=1)
-        evidence = beliefs.log_likelihood(errors, unexpected, admitted, known.likelihood)
-        return states, beliefs.update(memory.belief, evidence, beliefs.even(admitted), known.likelihood.hazard)
+        unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering[None], axis=1)
+        evidence = beliefs.log_likelihood(errors, unexpected, scope.damages, known.likelihood)
+        return states, beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
 
     def choose(
         self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array
@@ -155,12 +155,11 @@ class Mind:
         trials = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(worth), new, old), tried, memory.trials)
         struck = (memory.belief.log[0] > HALF) & (belief.log[0] < HALF)  # what the healthy robot did says nothing now
         trials = trials._replace(count=jnp.where(struck, 0, trials.count))
-        value = widened(known, scope)[1]
-        expected = trial.expect(belief.log, value, prior)
+        expected = trial.expect(belief.log, known.value, prior)
         draw_key, any_key = jax.random.split(key)
         mean = trial.mean(expected, trials, prior)
         draw = trial.draw(expected, trials, draw_key, prior)
-        likeliest = value[:, jnp.argmax(belief.log[:-1])]
+        likeliest = known.value[:, jnp.argmax(belief.log[:-1])]
         proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
         open_minded = (belief.log[-1] < HALF) | (trials.count == 0)
         own = choices.decide(choice, over, proposed, mean, scope.policies, open_minded, pace)

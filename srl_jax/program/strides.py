@@ -45,13 +45,15 @@ def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:
 
 def make(robot: Hexapod, damage: Damage, keys: jax.Array) -> EnvState:
     """`COUNT` such robots of every row: leaves [R, COUNT, ...], from damages [R, ...] and keys key[R]."""
+    return _make(tuple(robot[:3]), damage, keys, setting=tuple(robot[3:]))
 
-    @jax.jit
-    def walk(damage: Damage, keys: jax.Array) -> EnvState:
-        each = jax.vmap(lambda key: jax.random.split(key, COUNT))(keys)
-        return jax.vmap(jax.vmap(partial(after_strike, robot), (None, 0)))(damage, each)
 
-    return walk(jax.tree.map(jnp.asarray, damage), keys)
+@partial(jax.jit, static_argnames="setting")
+def _make(arrays: tuple, damage: Damage, keys: jax.Array, *, setting: tuple) -> EnvState:
+    """Traced once for a robot's setting, however often damage changes."""
+    robot = Hexapod(*arrays, *setting)
+    each = jax.vmap(lambda key: jax.random.split(key, COUNT))(keys)
+    return jax.vmap(jax.vmap(partial(after_strike, robot), (None, 0)))(damage, each)
 
 
 def begin(robot: Hexapod, starts: EnvState, fresh: EnvState, key: jax.Array) -> EnvState:
