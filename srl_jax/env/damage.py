@@ -47,8 +47,10 @@ class Damage(NamedTuple):
     jnt_stiffness: Array  # f32[19] N m/rad
     qpos_spring: Array  # f32[25] rad (m and quaternion for the root)
     geom_size: Array  # f32[ngeom, 3] m
+    geom_pos: Array  # f32[ngeom, 3] m, in the link's frame
     actuator_gainprm: Array  # f32[18, 10]
     actuator_biasprm: Array  # f32[18, 10]
+    actuator_forcerange: Array  # f32[18, 2] N m
 
 
 def build(name: str) -> Damage:
@@ -91,13 +93,13 @@ def damaged_model(name: str) -> mujoco.MjModel:
     model, losses = load_model(), parse(name)
     for loss in losses:
         for joint in loss.joints:
-            actuator = model.actuator(joint).id
-            model.actuator_gainprm[actuator] = 0
-            model.actuator_biasprm[actuator] = 0
+            _weaken_servo(model, joint, {"weak": loss.amount, "short": 1.0}.get(loss.kind, 0.0))
             if loss.kind == "removed":
                 _remove_link(model, joint)
             elif loss.kind == "locked":
-                _lock_joint(model, joint)
+                _lock_joint(model, joint, loss.amount)
+            elif loss.kind == "short":
+                _shorten_link(model, joint, loss.amount)
     _derive_constants(model, losses)
     return model
 
@@ -106,22 +108,28 @@ def recompiled(name: str) -> mujoco.MjModel:
     """The robot that truly lacks its lost parts, compiled anew: the reference the edits are tested against.
 
     Removed links are deleted with all that hangs on them, a limp joint loses its actuator, a locked one is
-    welded at its stance angle. The keyframe ``stance`` keeps the surviving joints.
+    welded at its angle. The keyframe ``stance`` keeps the surviving joints.
 
     Raises:
         ValueError: for a bad name, as `damage_names.canonical`.
     """
     healthy, spec = load_model(), load_spec()
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # but for what is cut
     spec.delete(spec.key("stance"))
     gone = set()
     for loss in parse(name):
         for joint in loss.joints:
-            spec.delete(spec.actuator(joint))
+            if loss.kind == "weak":
+                _slacken_servo(spec.actuator(joint), loss.amount)
+            elif loss.kind == "short":
+                _cut_link(spec.body(joint), healthy, loss.amount)
+            else:
+                spec.delete(spec.actuator(joint))
         if loss.kind == "removed":
             spec.delete(spec.body(loss.joints[0]))
         elif loss.kind == "locked":
-            _weld_joint(spec, healthy, loss.joints[0])
-        if loss.kind != "limp":
+            _weld_joint(spec, healthy, loss.joints[0], loss.amount)
+        if loss.kind in ("removed", "locked"):
             gone.update(loss.joints)
     angle = {joint: _stance_angle(healthy, joint) for joint in JOINTS}
     root = stance(healthy)[:7]
@@ -145,13 +153,29 @@ def _remove_link(model: mujoco.MjModel, joint: str) -> None:
     model.geom_rgba[geoms] = 0
 
 
-def _lock_joint(model: mujoco.MjModel, joint: str) -> None:
-    """Make ``joint`` heavy and hold it at its stance angle by a stiff, critically damped spring."""
+def _weaken_servo(model: mujoco.MjModel, joint: str, share: float) -> None:
+    """Leave a servo this share of its torque; a limp one has none, and need not keep within any line."""
+    actuator = model.actuator(joint).id
+    model.actuator_gainprm[actuator] *= share
+    model.actuator_biasprm[actuator] *= share
+    model.actuator_forcerange[actuator] *= share or 1.0
+
+
+def _shorten_link(model: mujoco.MjModel, joint: str, share: float) -> None:
+    """Bring the foot nearer to ``joint``, and take the mass of what has broken off; the centre of mass stays."""
+    body = model.body(joint).id
+    model.body_mass[body] *= share
+    model.body_inertia[body] *= share**3
+    model.geom_pos[model.geom_bodyid == body, 0] *= share
+
+
+def _lock_joint(model: mujoco.MjModel, joint: str, degrees: float) -> None:
+    """Make ``joint`` heavy and hold it, so far from its stance angle, by a stiff, critically damped spring."""
     dof = model.joint(joint).dofadr[0]
     model.dof_armature[dof] = LOCK_ARMATURE
     model.dof_damping[dof] = 2 * LOCK_ARMATURE * LOCK_RATE
     model.jnt_stiffness[model.joint(joint).id] = LOCK_ARMATURE * LOCK_RATE**2
-    model.qpos_spring[model.joint(joint).qposadr[0]] = _stance_angle(model, joint)
+    model.qpos_spring[model.joint(joint).qposadr[0]] = _stance_angle(model, joint) + np.radians(degrees)
 
 
 def _derive_constants(model: mujoco.MjModel, losses: Sequence[Loss]) -> None:
@@ -163,23 +187,38 @@ def _derive_constants(model: mujoco.MjModel, losses: Sequence[Loss]) -> None:
     quats, meaninertia = model.body_quat.copy(), model.stat.meaninertia
     for loss in losses:
         if loss.kind == "locked":
-            model.body(loss.joints[0]).quat = _stance_quat(model, loss.joints[0])
+            model.body(loss.joints[0]).quat = _locked_quat(model, loss.joints[0], loss.amount)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     model.body_quat[:] = quats
     model.stat.meaninertia = meaninertia
 
 
-def _stance_quat(model: mujoco.MjModel, joint: str) -> np.ndarray:
-    """Orientation in its parent, at the stance angle, of the link that ``joint`` moves: f[4]."""
+def _locked_quat(model: mujoco.MjModel, joint: str, degrees: float) -> np.ndarray:
+    """Orientation in its parent, so far from the stance angle, of the link that ``joint`` moves: f[4]."""
     turn, quat = np.zeros(4), np.zeros(4)
-    mujoco.mju_axisAngle2Quat(turn, model.joint(joint).axis, _stance_angle(model, joint))
+    angle = _stance_angle(model, joint) + np.radians(degrees)
+    mujoco.mju_axisAngle2Quat(turn, model.joint(joint).axis, angle)
     mujoco.mju_mulQuat(quat, model.body(joint).quat, turn)
     return quat
 
 
-def _weld_joint(spec: mujoco.MjSpec, model: mujoco.MjModel, joint: str) -> None:
-    """Delete ``joint`` from ``spec``, leaving its link at the stance angle."""
+def _weld_joint(spec: mujoco.MjSpec, model: mujoco.MjModel, joint: str, degrees: float) -> None:
+    """Delete ``joint`` from ``spec``, leaving its link so far from the stance angle."""
     body = spec.body(joint)
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    body.quat = _stance_quat(model, joint)
+    body.quat = _locked_quat(model, joint, degrees)
     spec.delete(spec.joint(joint))
+
+
+def _slacken_servo(servo: mujoco.MjsActuator, share: float) -> None:
+    servo.gainprm, servo.biasprm = servo.gainprm * share, servo.biasprm * share
+    servo.forcerange = servo.forcerange * share
+
+
+def _cut_link(body: mujoco.MjsBody, healthy: mujoco.MjModel, share: float) -> None:
+    own = healthy.body(body.name)
+    body.explicitinertial, body.mass, body.inertia = True, own.mass[0] * share, own.inertia * share**3
+    body.ipos, body.iquat = own.ipos, own.iquat
+    for geom in body.geoms:
+        if geom.contype:
+            geom.pos = geom.pos * np.array([share, 1.0, 1.0])

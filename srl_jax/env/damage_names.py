@@ -1,10 +1,12 @@
-"""The language of damage: names such as ``tibia_rm``, ``leg_rm+leg_lf`` or ``tibia_rf:limp+leg_lm``.
+"""The language of damage: names such as ``tibia_rm``, ``leg_rm+leg_lf`` or ``tibia_rf:limp+femur_lm:weak=0.5``.
 
-Parts are joined with ``+``, each a joint (``removed``, ``limp`` or ``locked``) or a leg (``removed`` or ``limp``),
-``removed`` where no kind is given; ``healthy`` has none. What lies beyond a removed joint is removed as well, so a
-removed coxa is a removed leg, and is called so.
+Parts are joined with ``+``, each a joint or a leg with what has become of it: ``removed`` (where no kind is given),
+``limp``, ``locked`` at its stance angle or ``locked=20`` degrees from it (joints only), ``weak=0.5`` with this share of
+its servo's torque, ``short=0.6`` with this share of its length (tibiae only); ``healthy`` has none. What lies beyond a
+removed joint is removed as well, so a removed coxa is a removed leg, and is called so.
 """
 
+import contextlib
 from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import NamedTuple
@@ -14,6 +16,7 @@ from srl_jax.env.anatomy import JOINTS, LEGS, SEGMENTS
 HEALTHY = "healthy"
 JOINT_KINDS = ("removed", "limp", "locked")
 LEG_KINDS = ("removed", "limp")
+LOCKS = 45.0  # degrees to either side of the stance that a joint can lock at
 
 
 class Loss(NamedTuple):
@@ -21,12 +24,13 @@ class Loss(NamedTuple):
 
     segment: str  # coxa, femur, tibia, or leg
     leg: str
-    kind: str  # removed, limp, locked
+    kind: str  # removed, limp, locked, weak, short
+    amount: float = 0.0  # degrees of a lock, share of torque or length
 
     @property
     def name(self) -> str:
         part = f"{self.segment}_{self.leg}"
-        return part if self.kind == "removed" else f"{part}:{self.kind}"
+        return part if self.kind == "removed" else f"{part}:{self.kind}{f'={self.amount:g}' if self.amount else ''}"
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -124,20 +128,20 @@ def parse(name: str) -> tuple[Loss, ...]:
                     "each joint is accepted in one part only."
                 )
             owner[joint] = loss
-    kinds = {joint: loss.kind for joint, loss in owner.items()}
-    return tuple(loss for leg in LEGS for loss in _spell(leg, kinds))
+    return tuple(loss for leg in LEGS for loss in _spell(leg, owner))
 
 
-def _spell(leg: str, kinds: dict[str, str]) -> Iterator[Loss]:
-    """The fewest losses that disable what `kinds` says of a leg's joints, from the hip outwards."""
-    own = [kinds.get(f"{segment}_{leg}") for segment in SEGMENTS]
-    if own[0] in LEG_KINDS and len(set(own)) == 1:
-        yield Loss("leg", leg, own[0])
+def _spell(leg: str, owner: dict[str, Loss]) -> Iterator[Loss]:
+    """The fewest losses that do to a leg's joints what their owners do, from the hip outwards."""
+    own = [owner.get(f"{segment}_{leg}") for segment in SEGMENTS]
+    fates = {loss and (loss.kind, loss.amount) for loss in own}
+    if own[0] and own[0].kind in (*LEG_KINDS, "weak") and len(fates) == 1:
+        yield own[0]._replace(segment="leg")
         return
-    for segment, kind in zip(SEGMENTS, own, strict=True):
-        if kind:
-            yield Loss(segment, leg, kind)
-        if kind == "removed":  # with all that hangs on it
+    for segment, loss in zip(SEGMENTS, own, strict=True):
+        if loss:
+            yield loss._replace(segment=segment)
+        if loss and loss.kind == "removed":  # with all that hangs on it
             return
 
 
@@ -149,7 +153,26 @@ def _parse_loss(part: str, name: str) -> Loss:
             f"damage {name!r} has the unknown part {part!r}; accepted are {HEALTHY!r} alone, or leg_, coxa_, "
             f"femur_ or tibia_ followed by one of {', '.join(LEGS)}, joined with '+'."
         )
-    kinds = LEG_KINDS if segment == "leg" else JOINT_KINDS
+    kind, equals, amount = kind.partition("=")
+    kinds = [*(LEG_KINDS if segment == "leg" else JOINT_KINDS), "weak", *(["short"] if segment == "tibia" else [])]
     if colon and kind not in kinds:
-        raise ValueError(f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(kinds)}.")
-    return Loss(segment, leg, kind or "removed")
+        raise ValueError(
+            f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(map(_shown, kinds))}."
+        )
+    return Loss(segment, leg, kind or "removed", _parse_amount(kind, amount if equals else None, part, name))
+
+
+def _shown(kind: str) -> str:
+    return f"{kind}=SHARE" if kind in ("weak", "short") else kind
+
+
+def _parse_amount(kind: str, text: str | None, part: str, name: str) -> float:
+    """What stands behind the equals sign of a part."""
+    least, most = {"locked": (-LOCKS, LOCKS), "weak": (0.05, 0.95), "short": (0.3, 0.95)}.get(kind, (0.0, -1.0))
+    if text is None and least <= 0.0:
+        return 0.0
+    with contextlib.suppress(ValueError):
+        if least <= float(text or "") <= most:
+            return float(text or "")
+    wanted = f"a number from {least:g} to {most:g}" if least <= most else "no number"
+    raise ValueError(f"damage {name!r} has the part {part.strip()!r}; {kind} takes {wanted} behind an equals sign.")

@@ -78,7 +78,7 @@ def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax
     noise = robot.config.start_noise * jax.random.uniform(joint_key, (ACTION_SIZE,), minval=-1.0)
     free = damage.dof_armature[6:] < damages.LOCK_ARMATURE  # a locked joint starts, and stays, where it locked
     state = EnvState(
-        qpos=robot.stance.at[7:].add(jnp.where(free, noise, 0.0)),
+        qpos=robot.stance.at[7:].set(jnp.where(free, robot.stance[7:] + noise, damage.qpos_spring[7:])),
         qvel=jnp.zeros(24),
         warmstart=jnp.zeros(24),
         phase=jax.random.uniform(phase_key),

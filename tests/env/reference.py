@@ -25,6 +25,9 @@ WALKING = (
     "leg_rf+leg_rm",
     "tibia_rf:limp+leg_lm",
     "coxa_rm:locked+femur_rm:locked+tibia_rm:locked",
+    "femur_lm:locked=-25",
+    "leg_rr:weak=0.5",
+    "tibia_lf:short=0.6",
 )
 CLOCK_HZ = 1.5
 

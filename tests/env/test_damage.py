@@ -46,6 +46,8 @@ def rollout_c(model: mujoco.MjModel, targets: np.ndarray) -> np.ndarray:
     """C MuJoCo from the stance under the targets of the actuators ``model`` still has: f[STEPS, nq]."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
+    locked = np.flatnonzero(model.dof_armature >= damage.LOCK_ARMATURE) + 1  # angles begin one later than freedoms
+    data.qpos[locked] = model.qpos_spring[locked]
     columns = [JOINTS.index(model.actuator(i).name) for i in range(model.nu)]
     path = []
     for target in targets:
@@ -86,7 +88,9 @@ def rollouts() -> tuple[dict, dict]:
             data = step(damaged, data.replace(ctrl=target))
             return data, (data.qpos, data.actuator_force)
 
-        return jax.lax.scan(advance, mjx.make_data(damaged).replace(qpos=pose), targets)
+        locked = jnp.append(False, damaged.dof_armature >= damage.LOCK_ARMATURE)
+        start = jnp.where(locked, damaged.qpos_spring, pose)
+        return jax.lax.scan(advance, mjx.make_data(damaged).replace(qpos=start), targets)
 
     targets = np.stack([tripod()] * len(WALKING) + [standing()] * len(STANDING))
     last, (path, force) = jax.device_get(roll(damage.stack((*WALKING, *STANDING)), targets))
@@ -153,13 +157,25 @@ def test_limp_joints_carry_no_actuator_force(rollouts, name):
 def test_locked_joints_do_not_move(rollouts, name):
     path, force = rollouts[0][name]
     locked = [i for i, joint in enumerate(JOINTS) if f"{joint}:locked" in name]
-    assert np.abs(path[:, 7:] - stance(load_model())[7:])[:, locked].max() < 1e-4  # measured 1e-5 rad
+    angles = stance(load_model())[7:] + np.radians(-25 if name.endswith("=-25") else 0)
+    assert np.abs(path[:, 7:] - angles)[:, locked].max() < 1e-4  # measured 1e-5 rad
     np.testing.assert_array_equal(force[:, locked], 0)
 
 
-@pytest.mark.parametrize("joint", ["coxa_rr", "femur_lm", "tibia_lf"])
-def test_a_joint_that_locks_in_motion_comes_to_its_stance_angle(joint):
-    model = damage.damaged_model(f"{joint}:locked")
+def test_a_weak_servo_gives_its_share_of_the_torque_and_no_more(rollouts):
+    path, force = rollouts[0]["leg_rr:weak=0.5"]
+    weak, healthy = [i for i, joint in enumerate(JOINTS) if joint.endswith("_rr")], load_model()
+    gain, most = healthy.actuator_gainprm[0, 0], healthy.actuator_forcerange[0, 1]
+    assert np.abs(force).max() > 0.8 * most, "others give more"
+    assert np.abs(force[:, weak]).max() <= 0.5 * most + 1e-6
+    push = 0.5 * gain * (tripod()[1:] - path[:-1, 7:])[:, weak]
+    inside = np.abs(push) < 0.4 * most
+    np.testing.assert_allclose(force[1:, weak][inside], push[inside], rtol=0, atol=0.1)
+
+
+@pytest.mark.parametrize(("joint", "degrees"), [("coxa_rr", 0), ("femur_lm", 30), ("tibia_lf", -45)])
+def test_a_joint_that_locks_in_motion_comes_to_its_angle(joint, degrees):
+    model = damage.damaged_model(f"{joint}:locked={degrees}")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     data.joint(joint).qpos += 0.4
@@ -167,8 +183,18 @@ def test_a_joint_that_locks_in_motion_comes_to_its_stance_angle(joint):
     for _ in range(120):
         mujoco.mj_step(model, data)
         assert 0.08 < data.qpos[2] < 0.13
-    angle = stance(model)[model.joint(joint).qposadr[0]]
+    angle = stance(model)[model.joint(joint).qposadr[0]] + np.radians(degrees)
     assert data.joint(joint).qpos == pytest.approx(angle, abs=1e-4)
+
+
+def test_a_shortened_leg_ends_nearer_to_its_knee():
+    model = damage.damaged_model("tibia_lf:short=0.6")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    reach = np.linalg.norm(data.geom("foot_lf").xpos - data.body("tibia_lf").xpos)
+    whole = np.linalg.norm(data.geom("foot_rf").xpos - data.body("tibia_rf").xpos)
+    assert reach == pytest.approx(0.6 * whole)
 
 
 @pytest.mark.parametrize("name", STANDING)

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from srl_jax.env.star.constants import FILLER, Star
+from srl_jax.env.star.constants import FILLER, NO_LIMIT, Star
 from srl_jax.env.star.contacts import Model
 
 Array = jax.Array | np.ndarray
+NO_LIMITS = np.array([-NO_LIMIT, NO_LIMIT])  # N m
 NO_SPHERE = -1e3  # radius (m) of a sphere that a leg lacks: its surface is 1 km above its centre
 
 
@@ -26,9 +27,11 @@ class Body(NamedTuple):
     spring: Array  # f[K, L] rad, where the spring is at rest
     limit_weight: Array  # f[K, L] inverse weight of a limit's row
     radius: tuple[Array, ...]  # f[n] m, of each of `Star.spheres`
+    reach: tuple[Array, ...]  # f[3, n] m, of their centres in the link's frame
     contact_weight: tuple[Array, ...]  # f[n] inverse weight of a contact's rows
     gain: Array  # f[K, L] N m/rad
     bias: Array  # f[K, 3, L] N m, N m/rad, N m s/rad
+    torque: Array  # f[K, 2, L] N m, least and most
 
 
 def body(star: Star, model: Model) -> Body:
@@ -37,6 +40,7 @@ def body(star: Star, model: Model) -> Body:
     leaf = lambda field: jnp.asarray(getattr(model, field))  # noqa: E731
     pyramid = (1 + mu * mu) * 2 * mu * mu / star.impratio  # of the rows of a pyramidal cone
     weights = leaf("body_invweight0")[:, 0] * pyramid
+    torque = by_link(leaf("actuator_forcerange"), ids.actuator)
     return Body(
         base_mass=leaf("body_mass")[1],
         base_inertia=leaf("body_inertia")[1],
@@ -48,9 +52,11 @@ def body(star: Star, model: Model) -> Body:
         spring=by_link(leaf("qpos_spring"), ids.qpos),
         limit_weight=by_link(leaf("dof_invweight0"), ids.dof, filler=1.0),
         radius=tuple(by_link(leaf("geom_size")[:, 0], s.geoms[None], filler=NO_SPHERE)[0] for s in star.spheres),
+        reach=tuple(by_link(leaf("geom_pos"), s.geoms[None])[0].T for s in star.spheres),
         contact_weight=tuple(by_link(weights, s.bodies[None], filler=1.0)[0] for s in star.spheres),
         gain=by_link(leaf("actuator_gainprm")[:, 0], ids.actuator),
         bias=jnp.moveaxis(by_link(leaf("actuator_biasprm")[:, :3], ids.actuator), 2, 1),
+        torque=jnp.moveaxis(jnp.where(star.limited[..., None], torque, NO_LIMITS), 2, 1),
     )
 
 

@@ -32,7 +32,6 @@ class Link(NamedTuple):
     principal: Matrix  # axes of inertia, in its own frame
     limits: tuple[Scalar, Scalar]  # rad
     control: tuple[Scalar, Scalar]  # rad
-    torque: tuple[Scalar, Scalar]  # N m
 
 
 class Spheres(NamedTuple):
@@ -41,7 +40,7 @@ class Spheres(NamedTuple):
     link: int | None  # None: the base's
     geoms: np.ndarray  # i[n] ids, `FILLER` for a leg without
     bodies: np.ndarray  # i[n] ids of what they are fixed to, likewise
-    position: Vector  # m, of their centres in the link's frame
+    position: Vector  # m, of their centres in the link's frame; numbers that are not 0 may be damaged
 
 
 class Ids(NamedTuple):
@@ -63,6 +62,7 @@ class Star:
     base_com: Vector
     base_principal: Matrix
     ids: Ids
+    limited: np.ndarray  # bool[K, L] whose servos' torque keeps within a line
     friction: float
     softness: Softness  # of all contacts
     limit_softness: Softness  # of all limits
@@ -99,6 +99,7 @@ def read(model: Model) -> Star:
         base_com=_vector(np.asarray(model.body_ipos)[1:2]),
         base_principal=_matrix(np.asarray(model.body_iquat)[1:2]),
         ids=ids,
+        limited=(np.asarray(model.actuator_forcelimited) != 0)[ids.actuator] & (ids.actuator != FILLER),
         friction=met.friction,
         softness=soft,
         limit_softness=of_limits[0] if of_limits else soft,
@@ -160,7 +161,6 @@ def _link(model: Model, ids: Ids) -> Link:
         principal=_matrix(of("body_iquat", ids.body, unit)),
         limits=between("jnt_range", ids.joint, model.jnt_limited),
         control=between("actuator_ctrlrange", ids.actuator, model.actuator_ctrllimited),
-        torque=between("actuator_forcerange", ids.actuator, model.actuator_forcelimited),
     )
 
 

@@ -129,5 +129,5 @@ def smooth_force(star: Star, body: Body, joints: list, velocity: Motion, control
         target = jnp.clip(control[k], *link.control)
         push = body.gain[k] * target + body.bias[k, 0] + body.bias[k, 1] * q + body.bias[k, 2] * speed
         passive = -body.stiffness[k] * (q - body.spring[k]) - body.damping[k] * speed
-        torques.append(jnp.clip(push, *link.torque) + passive - pull.legs[k])
+        torques.append(jnp.clip(push, body.torque[k, 0], body.torque[k, 1]) + passive - pull.legs[k])
     return Motion([-x for x in pull.base], torques)

@@ -11,6 +11,7 @@ from srl_jax.env.star.algebra import (
     Vector,
     about_axis,
     dot,
+    is_number,
     matmul,
     matvec,
     plus,
@@ -19,8 +20,8 @@ from srl_jax.env.star.algebra import (
     sub,
     total,
 )
-from srl_jax.env.star.body import Body
-from srl_jax.env.star.constants import Star
+from srl_jax.env.star.body import Array, Body
+from srl_jax.env.star.constants import Spheres, Star
 from srl_jax.seam import Seam
 
 
@@ -31,7 +32,7 @@ class Legs(NamedTuple):
     axis: list[Vector]  # of the links' hinges
     com: list[Vector]  # m
     inertia: list[Symmetric]  # kg m^2, about the link's com
-    spheres: list[Vector | None]  # m, centres of `Star.spheres`; None for the base's
+    spheres: list[Vector]  # m, centres of `Star.spheres`
 
 
 class Attitude(NamedTuple):
@@ -78,7 +79,13 @@ def legs(star: Star, body: Body, joints: list[Scalar], seam: Seam) -> Legs:
     com = [plus(origin[k], matvec(rotation[k], star.links[k].com)) for k in links]
     inertia = [similar(matmul(rotation[k], star.links[k].principal), list(body.inertia[k])) for k in links]
     spheres = [
-        None if s.link is None else plus(origin[s.link], matvec(rotation[s.link], s.position)) for s in star.spheres
+        _centre(s, reach) if s.link is None else plus(origin[s.link], matvec(rotation[s.link], _centre(s, reach)))
+        for s, reach in zip(star.spheres, body.reach, strict=True)
     ]
     com, inertia, spheres = seam((com, inertia, spheres))
     return Legs(origin, axis, com, inertia, spheres)
+
+
+def _centre(spheres: Spheres, reach: Array) -> Vector:
+    """In the frame of their link; what is 0 in the model stays so, which saves most of a product."""
+    return [0.0 if is_number(x) and x == 0 else own for x, own in zip(spheres.position, reach, strict=True)]

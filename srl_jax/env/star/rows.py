@@ -58,10 +58,7 @@ def find(star: Star, body: Body, legs: Legs, standing: Attitude, height: Scalar,
     ex, ey, ez = standing.rows
     frame = [ez, ey, [-x for x in ex]]  # MuJoCo's choice for a floor
     contacts = []
-    for spheres, centre, radius, weight in zip(
-        star.spheres, legs.spheres, body.radius, body.contact_weight, strict=True
-    ):
-        at = spheres.position if centre is None else centre
+    for spheres, at, radius, weight in zip(star.spheres, legs.spheres, body.radius, body.contact_weight, strict=True):
         gap = height + dot(ez, at) - radius
         point = minus(at, scale(radius + 0.5 * gap, ez))  # half way between the surfaces
         strength = impedance(star.softness, gap)
