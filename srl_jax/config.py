@@ -43,7 +43,9 @@ class Config:
     """Environment steps of each lane."""
     behaviour: str = "gait"
     """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), repertoire (what trial and
-    error finds after the damage), or a finished run; several, separated by commas, are several teachers."""
+    error finds after the damage), atlas (the best policy of an atlas for the damage), atlas-others (the best that was
+    trained for another damage; either with :FILE), or a finished run; several, separated by commas, are several
+    teachers."""
     devices: str = "auto"
     """Devices the lanes are laid over: auto (one per core, or all accelerators) or a number."""
     part: str = ""

@@ -22,7 +22,7 @@ class Likelihood(NamedTuple):
     whitening: jax.Array  # f32[24, 24] L with L C L' = 1, C the covariance of a true hypothesis' residuals
     tempering: float = 4.0  # steps whose errors count as one
     vague: float = 2.0  # times the standard deviation with which 'none of these' predicts
-    most: float = 400.0  # squared norm beyond which a residual says no more: one bad reading must not decide
+    most: float = 40.0  # squared norm beyond which a residual says no more: one bad reading must not decide
     mistaken: float = 0.05  # chance that a servo which is there does not answer, or one that is gone does
     hazard: float = 0.002  # chance a step that the damage changes
 

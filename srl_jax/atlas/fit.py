@@ -25,7 +25,14 @@ STRIKE = (20, 40)  # in which the damage comes
 UNAWARE = 20  # control steps at most until the policy for the damage takes over from that for the healthy robot
 START = 5  # control steps until the hypotheses' robots are where the real one is
 FLOOR = 1e-5  # added to variances: a sense that was always right is not infinitely sure
-WORLDS = {"friction": (0.5, 1.2), "mass": (0.85, 1.15), "gain": (0.8, 1.1)}  # ranges, as shares
+WORLDS = {  # ranges of `World`
+    "friction": (0.4, 1.2),
+    "mass": (0.8, 1.2),
+    "gain": (0.7, 1.1),
+    "payload": (0.0, 0.5),
+    "slope": (-5.0, 5.0),
+    "bias": (0.0, 1.5),
+}
 
 
 class Walk(NamedTuple):
@@ -74,7 +81,7 @@ def whitening(
 def _walk(
     robot: Hexapod, name: str, walkers: tuple[Params, Params], act: Callable, random: np.random.Generator
 ) -> Walk:
-    world = World(**{field: float(random.uniform(*limits)) for field, limits in WORLDS.items()})
+    world = World(**{field: float(random.uniform(*limits)) for field, limits in WORLDS.items()})  # pyright: ignore
     strike, phase = int(random.integers(*STRIKE)), float(random.uniform())
     body = CRobot(name, strike, int(random.integers(2**31)), world)
     aware, senses, rows = strike + int(random.integers(UNAWARE + 1)), body.reset(), []

@@ -12,10 +12,11 @@ from srl_jax.agents import behaviour
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.atlas import belief as beliefs
 from srl_jax.atlas import choice as choices
-from srl_jax.atlas import matrix, tracking
+from srl_jax.atlas import matrix, suspects, tracking
 from srl_jax.atlas import trials as trial
 from srl_jax.atlas.belief import Belief, Likelihood
 from srl_jax.atlas.choice import Choice, Pace
+from srl_jax.atlas.suspects import Log
 from srl_jax.atlas.tracking import Gains
 from srl_jax.atlas.trials import Trials
 from srl_jax.atlas.twins import Twins
@@ -63,16 +64,24 @@ class Scope(NamedTuple):
     policies: jax.Array  # bool[I]
     rule: jax.Array  # i32[] index into `choice.RULES`
     told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
-    twins: Twins  # S hypotheses more, that it has put together itself
+    twins: Twins  # S hypotheses more, that it has put together itself, and S policies learned for them
 
 
 def widened(known: Knowledge, scope: Scope) -> tuple[Knowledge, Scope]:
-    """The atlas with a robot's own hypotheses after its damages, D + S in all, and what of it the robot may use."""
+    """The atlas with what a robot has added: D + S hypotheses, I + S policies, and which of them it may use.
+
+    A policy that it has learned is trusted under the damage that it was learned for, and under no other.
+    """
+    own, damages = scope.twins, known.value.shape[1]
+    learned = jnp.concatenate([jnp.zeros((len(own.mastery), damages)), jnp.diag(own.mastery)], axis=1)
+    joined = partial(jax.tree.map, lambda a, b: jnp.concatenate([a, b]))
     wide = known._replace(
-        damage=jax.tree.map(lambda a, b: jnp.concatenate([a, b]), known.damage, scope.twins.damage),
-        value=jnp.concatenate([known.value, scope.twins.value], axis=1),
+        damage=joined(known.damage, own.damage),
+        actors=joined(known.actors, own.actors),
+        value=jnp.concatenate([jnp.concatenate([known.value, own.value], axis=1), learned]),
     )
-    return wide, scope._replace(damages=jnp.append(scope.damages, scope.twins.admitted))
+    policies = jnp.append(scope.policies, own.graduated)
+    return wide, scope._replace(damages=jnp.append(scope.damages, own.admitted), policies=policies)
 
 
 class Memory(NamedTuple):
@@ -155,7 +164,7 @@ class Mind:
         trials = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(worth), new, old), tried, memory.trials)
         struck = (memory.belief.log[0] > HALF) & (belief.log[0] < HALF)  # what the healthy robot did says nothing now
         trials = trials._replace(count=jnp.where(struck, 0, trials.count))
-        expected = trial.expect(belief.log, known.value, prior)
+        expected = trial.expect(belief.log, known.value, prior, learned=len(scope.twins.mastery))
         draw_key, any_key = jax.random.split(key)
         mean = trial.mean(expected, trials, prior)
         draw = trial.draw(expected, trials, draw_key, prior)
@@ -165,13 +174,27 @@ class Mind:
         own = choices.decide(choice, over, proposed, mean, scope.policies, open_minded, pace)
         return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials
 
-    def imagine(self, known: Knowledge, damage: Damage, key: jax.Array) -> jax.Array:
-        """What every policy would be worth under a damage, f32[I]: all of them walk in its simulation."""
+    def imagine(self, known: Knowledge, actors: Params, damage: Damage, key: jax.Array) -> jax.Array:
+        """What policies [K, ...] would be worth under a damage, f32[K]: all of them walk in its simulation."""
         starts = jax.vmap(lambda k: strides.after_strike(self.robot, damage, k))(jax.random.split(key, WALKS))
         walk = partial(matrix.walk, self.robot, self.network, STEPS)
         each = jax.vmap(jax.vmap(walk, (None, None, 0)), (0, None, None))
-        speed, fell = each(known.actors, damage, starts)
+        speed, fell = each(actors, damage, starts)
         return jnp.mean(speed, axis=1) * (1.0 - jnp.mean(fell, axis=1)) / known.healthy_speed
+
+    def explain(self, known: Knowledge, damage: Damage, log: Log) -> jax.Array:
+        """Log-likelihood f32[C] of what was done and felt under damages, leaves [C, ...]; as `doubt` judges them."""
+        there = jax.vmap(present)(damage)
+        count = len(there)
+
+        def advance(states: EnvState, row: Log) -> tuple[EnvState, jax.Array]:
+            action, felt, answering = (jnp.asarray(x) for x in row)
+            states, errors = tracking.follow(self.robot, damage, states, action, felt, answering, self.settings.gains)
+            unexpected = jnp.sum(there != row.answering[None], axis=1)
+            return states, beliefs.log_likelihood(errors, unexpected, jnp.ones(count, bool), known.likelihood)[:-1]
+
+        each = jax.lax.scan(advance, tracking.at_rest(self.robot, count), log)[1]
+        return jnp.sum(each[suspects.LEAD_IN :], axis=0)
 
 
 @cache

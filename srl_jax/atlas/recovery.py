@@ -12,14 +12,17 @@ from srl_jax.atlas import choice as choices
 from srl_jax.atlas import twins
 from srl_jax.atlas.belief import Likelihood
 from srl_jax.atlas.file import Atlas
+from srl_jax.atlas.lessons import COURSE, Course, Learn, School
 from srl_jax.atlas.mind import DEFAULT, Knowledge, Memory, Mind, Scope, Settings
 from srl_jax.atlas.robots import Robot
+from srl_jax.atlas.suspects import Log
 from srl_jax.atlas.twins import Composer
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.senses import Senses
+from srl_jax.types import Params
 
 
 class Story(NamedTuple):
@@ -28,7 +31,7 @@ class Story(NamedTuple):
     log_belief: np.ndarray  # f32[T, N, D + 1] when they chose the action of step t
     policy: np.ndarray  # i32[T, N]
     action: np.ndarray  # f32[T, N, 18]
-    twins: list[list[str]]  # of every robot: the damages that it has put together
+    twins: list[list[str]]  # of every robot: the damages that it has put together; policies from I on are theirs
 
 
 @partial(jax.jit, static_argnames="mind")
@@ -42,8 +45,13 @@ def _think(known: Knowledge, scope: Scope, memory: Memory, senses: Senses, *, mi
 
 
 @partial(jax.jit, static_argnames="mind")
-def _imagine(known: Knowledge, damage: Damage, *, mind: Mind) -> jax.Array:
-    return mind.imagine(known, damage, jax.random.key(0))
+def _imagine(known: Knowledge, actors: Params, damage: Damage, *, mind: Mind) -> jax.Array:
+    return mind.imagine(known, actors, damage, jax.random.key(0))
+
+
+@partial(jax.jit, static_argnames="mind")
+def _explain(known: Knowledge, damage: Damage, log: Log, *, mind: Mind) -> jax.Array:
+    return mind.explain(known, damage, log)
 
 
 def mind_of(atlas: Atlas, settings: Settings = DEFAULT) -> Mind:
@@ -77,52 +85,85 @@ def scope(atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", to
     """
     gone = {damage_names.canonical(name) for name in without}
     kept = [np.array([name not in gone for name in names]) for names in (atlas.damages, atlas.trained_for)]
-    return Scope(*kept, np.array(choices.number(rule)), np.array(told), twins.nobody(atlas.value))  # pyright: ignore
+    return Scope(*kept, np.array(choices.number(rule)), np.array(told), twins.nobody(atlas.value, atlas.actors))  # pyright: ignore
 
 
 def run(
     atlas: Atlas,
-    robots: Sequence[Robot],
+    robots: Sequence[Robot] | Robot,
     *,
     seconds: float,
     settings: Settings = DEFAULT,
     scopes: Callable[[int], Sequence[Scope]] | None = None,
     compose: bool = True,
+    learn: Learn | None = None,
+    course: Course = COURSE,
     seed: int = 0,
-    watch: Callable[[Memory, list[list[str]]], None] = lambda memory, twins: None,
+    watch: Callable[[Memory, Composer], None] = lambda memory, composer: None,
 ) -> Story:
     """Walks robots for some seconds, side by side; whatever happens to them, each finds out by itself.
 
     Args:
         atlas: see `file.load`.
-        robots: any that can `reset` and `step`; nothing else of them is asked.
+        robots: any that can `reset` and `step`, or one of them; nothing else of them is asked.
         seconds: of robot time.
         settings: how they doubt and choose.
         scopes: what each may use of the atlas at a control step; all of it unless told otherwise.
-        compose: whether they may put damages together from servos that fall silent (`twins`).
+        compose: whether they may put damages together (`twins`).
+        learn: how policies are learned for those (`job.apprentice`); None: they are not.
+        course: how much is learned, and the robot time that it takes.
         seed: of their draws.
-        watch: is shown what they think at every control step, and the damages that each has put together.
+        watch: is shown what they think at every control step, and what each has put together.
     """
+    robots = robots if isinstance(robots, Sequence) else [robots]
     mind, known, whole = mind_of(atlas, settings), knowledge(atlas), [scope(atlas)] * len(robots)
     every = scopes or (lambda step: whole)
     keys = jax.random.split(jax.random.key(seed), len(robots))
     memory = _begin(known, _stacked(every(0)), keys, mind=mind)
+
+    def imagine(actors: Params, damage: Damage) -> np.ndarray:
+        return np.asarray(_imagine(known, actors, damage, mind=mind))
+
     composer = Composer(
-        atlas.damages, lambda damage: np.asarray(_imagine(known, damage, mind=mind)), [own.twins for own in every(0)]
+        names=atlas.damages,
+        imagine=partial(imagine, known.actors),
+        explain=lambda damage, log: np.asarray(_explain(known, damage, log, mind=mind)),
+        twins=[own.twins for own in every(0)],
     )
+    school = School(learn, imagine, atlas.actors, course) if learn else None
     senses, told = [robot.reset() for robot in robots], []
     for step in range(round(seconds * CONTROL_HZ)):
         now = every(step)
         if compose:
-            for number, (own, felt) in enumerate(zip(now, senses, strict=True)):
-                composer.watch(number, np.asarray(felt.answering), np.asarray(own.damages))
+            _compose(composer, school, step, now, senses, told)
             now = [own._replace(twins=added) for own, added in zip(now, composer.twins, strict=True)]
         memory = _think(known, _stacked(now), memory, _stacked(senses), mind=mind)
         told.append(jax.device_get((memory.belief.log, memory.choice.policy, memory.action)))
-        watch(memory, composer.added)
+        watch(memory, composer)
         senses = [robot.step(action) for robot, action in zip(robots, told[-1][2], strict=True)]
     log_belief, policy, action = (np.stack(part) for part in zip(*told, strict=True))
     return Story(log_belief, policy, action, composer.added)
+
+
+def _compose(
+    composer: Composer,
+    school: School | None,
+    step: int,
+    scopes: Sequence[Scope],
+    senses: Sequence[Senses],
+    told: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> None:
+    """What the robots add to their atlas before a control step, by what they believed at the last one."""
+    for number, (own, felt) in enumerate(zip(scopes, senses, strict=True)):
+        admitted = np.asarray(own.damages)
+        composer.listen(number, np.asarray(felt.answering), admitted)
+        if not told:
+            continue
+        belief, action = np.exp(told[-1][0][number]), told[-1][2][number]
+        composer.doubt(number, action, felt, bool(belief[-1] > 0.5), admitted)
+        if school:
+            twins_of = belief[len(admitted) : -1]
+            school.attend(composer, number, step, twins_of, np.asarray(own.policies))
 
 
 def _stacked(rows: Sequence[NamedTuple]):

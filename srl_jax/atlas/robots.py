@@ -1,5 +1,6 @@
 """Robots to recover on: C MuJoCo at settings that leave no error worth naming, on another floor, with noisy sensors."""
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -34,6 +35,12 @@ class World:
     mass: float = 1.0  # share of every link's
     gain: float = 1.0  # share of the servos' stiffness
     noise: float = 1.0  # times `NOISE`
+    payload: float = 0.0  # kg on the torso
+    slope: float = 0.0  # degrees that it walks uphill
+    delay: int = 0  # control steps until an action is taken
+    lost: float = 0.0  # share of servos' packets that do not arrive, in either direction
+    bias: float = 0.0  # of the inertial unit: so many standard deviations of `NOISE`, the same all along
+    encoder: float = 0.0  # degrees that an encoder tells apart
 
 
 @dataclass
@@ -55,12 +62,15 @@ class CRobot:
         self._substeps = round(1.0 / (CONTROL_HZ * self._models[0].opt.timestep))
 
     def _model(self, name: str) -> mujoco.MjModel:
-        model = converged_model(name)
-        model.geom_friction[:, 0] *= self.world.friction
-        model.body_mass[:] *= self.world.mass
-        model.body_inertia[:] *= self.world.mass
-        model.actuator_gainprm[:, 0] *= self.world.gain
-        model.actuator_biasprm[:, 1] *= self.world.gain
+        model, world = converged_model(name), self.world
+        model.geom_friction[:, 0] *= world.friction
+        model.body_mass[:] *= world.mass
+        model.body_inertia[:] *= world.mass
+        model.body_mass[1] += world.payload
+        model.actuator_gainprm[:, 0] *= world.gain
+        model.actuator_biasprm[:, 1] *= world.gain
+        slope, weight = np.radians(world.slope), np.linalg.norm(model.opt.gravity)
+        model.opt.gravity[:] = weight * np.array([-np.sin(slope), 0.0, -np.cos(slope)])
         return model
 
     def reset(self) -> Senses:
@@ -69,13 +79,18 @@ class CRobot:
         self._data = mujoco.MjData(self._models[0])
         self._data.qpos[:] = self._stance
         self._data.qpos[7:] += self._random.uniform(-0.05, 0.05, 18)
+        self._data.ctrl[:] = self._stance[7:]
+        self._waiting = deque([np.zeros(18)] * self.world.delay)
+        self._bias = {name: self.world.bias * self._drawn(name, 3) for name in ("gyroscope", "gravity")}
         self.positions, self.fell = [], False
         return self._senses()
 
     def step(self, action: np.ndarray) -> Senses:
         """One control step; the damage strikes before the step numbered `strike`, in mid-stride."""
         broken = len(self.positions) >= self.strike
-        self._data.ctrl[:] = self._stance[7:] + self._scale * np.asarray(action)
+        self._waiting.append(np.asarray(action))
+        wanted = self._stance[7:] + self._scale * self._waiting.popleft()
+        self._data.ctrl[:] = np.where(self._lost(), self._data.ctrl, wanted)
         mujoco.mj_step(self._models[broken], self._data, nstep=self._substeps)
         self.positions.append(self._data.qpos.copy())
         self.fell |= bool(self._frame()[2, 2] < UPRIGHT)
@@ -86,21 +101,31 @@ class CRobot:
         mujoco.mju_quat2Mat(frame, self._data.qpos[3:7])
         return frame.reshape(3, 3)
 
+    def _drawn(self, name: str, size: int) -> np.ndarray:
+        return NOISE[name] * self._random.standard_normal(size)
+
+    def _lost(self) -> np.ndarray:
+        """Whose packet is lost, bool[18]; without losses nothing is drawn."""
+        return self._random.random(18) < self.world.lost if self.world.lost else np.zeros(18, bool)
+
     def _senses(self) -> Senses:
-        frame, present = self._frame(), self._present[len(self.positions) > self.strike]
+        frame, world = self._frame(), self.world
+        heard = self._present[len(self.positions) > self.strike] & ~self._lost()
         heading = frame[:2, 0] / max(float(np.linalg.norm(frame[:2, 0])), 1e-6)
-
-        def noisy(name: str, value: np.ndarray) -> np.ndarray:
-            return value + self.world.noise * NOISE[name] * self._random.standard_normal(value.shape)
-
-        joints = noisy("joints", self._data.qpos[7:] - self._stance[7:])
-        speeds = noisy("speeds", self._data.qvel[6:])
+        joints = self._data.qpos[7:] - self._stance[7:]
+        if world.encoder:
+            joints = np.radians(world.encoder) * np.round(joints / np.radians(world.encoder))
+        joints = joints + world.noise * self._drawn("joints", 18)
+        speeds = self._data.qvel[6:] + world.noise * self._drawn("speeds", 18)
+        gravity = self._models[0].opt.gravity @ frame / np.linalg.norm(self._models[0].opt.gravity)
+        felt = {"gyroscope": self._data.qvel[3:6], "gravity": gravity}
+        felt = {name: felt[name] + self._bias[name] + world.noise * self._drawn(name, 3) for name in felt}
         return Senses(
-            joints=np.where(present, joints, 0.0).astype(np.float32),
-            speeds=np.where(present, speeds, 0.0).astype(np.float32),
-            answering=present,
-            gyroscope=noisy("gyroscope", self._data.qvel[3:6]).astype(np.float32),
-            gravity=noisy("gravity", -frame[2]).astype(np.float32),
+            joints=np.where(heard, joints, 0.0).astype(np.float32),
+            speeds=np.where(heard, speeds, 0.0).astype(np.float32),
+            answering=heard,
+            gyroscope=felt["gyroscope"].astype(np.float32),
+            gravity=felt["gravity"].astype(np.float32),
             towards=np.array([heading[0], -heading[1]], np.float32),  # along x
             distance=np.array(2.0, np.float32),
             come=np.array(self._data.qpos[0], np.float32),

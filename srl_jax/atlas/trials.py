@@ -19,7 +19,8 @@ dot = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)
 class Prior(NamedTuple):
     """Settings, as shares of the healthy speed."""
 
-    own: float = 0.05  # standard deviation of a policy's worth that no other policy shares
+    own: float = 0.15  # standard deviation of a policy's worth that no other policy shares
+    learned: float = 0.25  # the same of a policy that was learned after the damage
     strange: float = 1.0  # weight of the covariance over all damages where it is none of them
     flat: float = 8.0  # by which the belief among the known is tempered where it is none of them
     noise: float = 0.2  # standard deviation of what a segment shows about the worth
@@ -53,16 +54,17 @@ def record(trials: Trials, policy: jax.Array, worth: jax.Array) -> Trials:
 
 
 class Worth(NamedTuple):
-    """The prior as a mean and the columns of a factor: ``cov = factor factor' + own^2``."""
+    """The prior as a mean and the columns of a factor: ``cov = factor factor' + diag(own^2)``."""
 
     mean: jax.Array  # f32[I]
     factor: jax.Array  # f32[I, 2 D]
+    own: jax.Array  # f32[I] standard deviation that no other policy shares
 
 
-def expect(log_belief: jax.Array, matrix: jax.Array, prior: Prior = PRIOR) -> Worth:
+def expect(log_belief: jax.Array, matrix: jax.Array, prior: Prior = PRIOR, learned: int = 0) -> Worth:
     """What the belief f32[D + 1] says of every policy before any trial, from the matrix f32[I, D].
 
-    Damages whose belief is -inf are left out of all.
+    Damages whose belief is -inf are left out of all. The last `learned` policies are less sure than the others.
     """
     known, strange = jnp.exp(jax.nn.log_softmax(log_belief[:-1])), jnp.exp(log_belief[-1])
     flat = jnp.exp(jax.nn.log_softmax(log_belief[:-1] / prior.flat))
@@ -71,7 +73,8 @@ def expect(log_belief: jax.Array, matrix: jax.Array, prior: Prior = PRIOR) -> Wo
     likely = (matrix - mean[:, None]) * jnp.sqrt(weight)[None]
     even = jnp.isfinite(log_belief[:-1]) / jnp.sum(jnp.isfinite(log_belief[:-1]))
     anything = (matrix - dot(matrix, even)[:, None]) * jnp.sqrt(prior.strange * strange * even)[None]
-    return Worth(mean, jnp.concatenate([likely, anything], axis=1))
+    own = jnp.where(jnp.arange(len(mean)) < len(mean) - learned, prior.own, prior.learned)
+    return Worth(mean, jnp.concatenate([likely, anything], axis=1), own)
 
 
 def update(worth: Worth, trials: Trials, start: jax.Array, noise: jax.Array, prior: Prior = PRIOR) -> jax.Array:
@@ -93,12 +96,12 @@ def update(worth: Worth, trials: Trials, start: jax.Array, noise: jax.Array, pri
     deviation = prior.noise * jnp.sqrt(jnp.exp2(age / prior.memory))
     rows = worth.factor[trials.policy]
     same = trials.policy[:, None] == trials.policy[None]
-    inner = dot(rows, rows.T) + prior.own**2 * same
+    inner = dot(rows, rows.T) + jnp.square(worth.own)[trials.policy][:, None] * same
     inner = jnp.where(valid[:, None] & valid[None], inner, 0.0) + jnp.diag(jnp.where(valid, deviation**2, 1.0))
     surprise = jnp.where(valid, trials.worth - start[trials.policy] - deviation * noise, 0.0)
     told = jnp.where(valid, cho_solve((jnp.linalg.cholesky(inner), True), surprise), 0.0)
     alone = jnp.zeros(len(start)).at[trials.policy].add(told)
-    return start + dot(worth.factor, dot(rows.T, told)) + prior.own**2 * alone
+    return start + dot(worth.factor, dot(rows.T, told)) + jnp.square(worth.own) * alone
 
 
 def mean(worth: Worth, trials: Trials, prior: Prior = PRIOR) -> jax.Array:
@@ -110,5 +113,5 @@ def draw(worth: Worth, trials: Trials, key: jax.Array, prior: Prior = PRIOR) -> 
     """One draw f32[I] of the posterior."""
     factor_key, own_key, noise_key = jax.random.split(key, 3)
     shared = dot(worth.factor, jax.random.normal(factor_key, worth.factor.shape[1:]))
-    start = worth.mean + shared + prior.own * jax.random.normal(own_key, worth.mean.shape)
+    start = worth.mean + shared + worth.own * jax.random.normal(own_key, worth.mean.shape)
     return update(worth, trials, start, jax.random.normal(noise_key, trials.policy.shape), prior)

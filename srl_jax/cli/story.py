@@ -7,7 +7,7 @@ import numpy as np
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.mind import Memory
 from srl_jax.atlas.robots import CRobot, World
-from srl_jax.atlas.twins import ROOM
+from srl_jax.atlas.twins import ROOM, Composer
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ
 
@@ -31,14 +31,15 @@ def tell(*, atlas: str, damage: str, strike: float, seconds: float, rule: str, f
     print(f"{damage} strikes after {strike:g} s; it {foreseen}.")
     print(f"{'s':>5} {'m/s':>5}  {'walks by the policy for':<24} {'what it holds likely'}")
 
-    def watch(memory: Memory, twins: list[list[str]]) -> None:
+    def watch(memory: Memory, composer: Composer) -> None:
         step = len(robot.positions)
-        put_together = [f"{name} (put together)" for name in twins[0]]
+        put_together = [f"{name} (put together)" for name in composer.added[0]]
         names = [*known.damages, *put_together, *[""] * (ROOM - len(put_together)), "none of these"]
         if step % EVERY == 0:
             belief = np.exp(np.asarray(memory.belief.log[0]))
             likely = ", ".join(f"{names[i]} {belief[i]:.2f}" for i in np.argsort(-belief)[:3] if belief[i] >= 0.005)
-            policy = known.trained_for[int(memory.choice.policy[0])]
+            walkers = [*known.trained_for, *(f"{name} (learned)" for name in composer.added[0])]
+            policy = walkers[int(memory.choice.policy[0])]
             mark = "*" if step == struck else " "
             print(f"{step / CONTROL_HZ:5.1f}{mark}{speed(robot, step):5.2f}  {policy:<24} {likely}", flush=True)
 

@@ -16,7 +16,7 @@ from srl_jax.agents.sweep import first_values
 from srl_jax.config import Config
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
-from srl_jax.job import checkpoint, files
+from srl_jax.job import atlas_teacher, checkpoint, files
 from srl_jax.job.plan import make, parse_algos, parse_teachers
 from srl_jax.program.lanes import Lane
 from srl_jax.types import Params
@@ -62,6 +62,8 @@ def check(config: Config) -> None:
     for name in wanted:
         if MADE.get(name):
             make(MADE[name](config))
+        elif atlas_teacher.named(name):
+            atlas_teacher.load(name, config)
         elif name not in MADE:
             _check_run(Path(name), config)
 
@@ -69,7 +71,8 @@ def check(config: Config) -> None:
 def _check_run(directory: Path, config: Config) -> None:
     if not directory.is_dir():
         raise ValueError(
-            f"behaviour is {str(directory)!r}: give {', '.join(MADE)}, or the directory of a finished run."
+            f"behaviour is {str(directory)!r}: give {', '.join((*MADE, *atlas_teacher.KINDS))}, or the directory of a "
+            "finished run."
         )
     stored, _ = files.read_config(directory)
     for name, mine, theirs in (
@@ -95,6 +98,9 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
     for name in parse_teachers(config):
         if name == "gait":
             teachers.append(scripted_gait())
+            continue
+        if atlas_teacher.named(name):
+            teachers.append(Behaviour(*atlas_teacher.parameters(name, config)))
             continue
         path, made = Path(name), MADE.get(name)
         if made:

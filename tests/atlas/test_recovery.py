@@ -25,7 +25,7 @@ def stories(atlas):
 
 def test_each_names_its_damage_soon_after_it_strikes_and_not_before(atlas, stories):
     _, story = stories
-    assert story.log_belief.shape == (30, 6, 7), "four damages, two that a robot may put together, none of these"
+    assert story.log_belief.shape == (30, 6, 8), "four damages, three that a robot may put together, none of these"
     np.testing.assert_allclose(np.exp(story.log_belief).sum(-1), 1.0, rtol=1e-4)
     assert np.all(np.argmax(story.log_belief[STRIKE], axis=-1) == 0), "all are healthy until then"
     assert np.argmax(story.log_belief[-1, :4], axis=-1).tolist() == [0, 1, 2, 3]

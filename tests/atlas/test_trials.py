@@ -16,9 +16,10 @@ PRIOR = Prior(memory=4.0)
 
 def written_out(seen, prior=PRIOR):
     """Mean and covariance of the posterior by the textbook's formulae."""
-    worth = trial.expect(STRANGE, MATRIX, prior)
-    mean, factor = (np.asarray(x, np.float64) for x in worth)
-    covariance = factor @ factor.T + prior.own**2 * np.eye(3)
+    worth = trial.expect(STRANGE, MATRIX, prior, learned=1)
+    mean, factor, own = (np.asarray(x, np.float64) for x in worth)
+    np.testing.assert_allclose(own, [prior.own, prior.own, prior.learned], rtol=1e-6)
+    covariance = factor @ factor.T + np.diag(own**2)
     who = [policy for policy, _ in seen]
     noise = np.diag([prior.noise**2 * 2.0 ** (age / prior.memory) for age in range(len(seen))][::-1])
     gain = covariance[:, who] @ np.linalg.inv(covariance[np.ix_(who, who)] + noise)
@@ -42,19 +43,19 @@ def test_what_is_expected_is_the_beliefs_where_a_damage_is_known():
 
 @pytest.mark.parametrize("seen", [[(0, 0.1)], [(0, 0.1), (2, 0.8), (0, 0.3), (1, 0.2)]])
 def test_the_mean_is_the_textbooks(seen):
-    worth = trial.expect(STRANGE, MATRIX, PRIOR)
+    worth = trial.expect(STRANGE, MATRIX, PRIOR, learned=1)
     np.testing.assert_allclose(trial.mean(worth, recorded(seen), PRIOR), written_out(seen)[0], atol=1e-4)
 
 
 def test_a_trial_speaks_of_those_that_are_alike():
-    worth = trial.expect(STRANGE, MATRIX, PRIOR)
+    worth = trial.expect(STRANGE, MATRIX, PRIOR, learned=1)
     bad = trial.mean(worth, recorded([(0, -0.3)]), PRIOR) - worth.mean
     assert bad[0] < -0.3 and bad[1] < -0.3 and bad[2] > 0.0
 
 
 def test_draws_have_the_posteriors_mean_and_covariance():
     seen = [(0, 0.1), (1, 0.3)]
-    worth = trial.expect(STRANGE, MATRIX, PRIOR)
+    worth = trial.expect(STRANGE, MATRIX, PRIOR, learned=1)
     keys = jax.random.split(jax.random.key(0), 20_000)
     draws = np.asarray(jax.vmap(lambda key: trial.draw(worth, recorded(seen), key, PRIOR))(keys))
     mean, covariance = written_out(seen)

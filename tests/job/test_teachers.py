@@ -24,7 +24,7 @@ def test_the_first_teacher_named_is_pi_b():
     ("fields", "said"),
     [
         ({"behaviour": "gait,gait"}, "name each teacher once"),
-        ({"behaviour": "nothing-here"}, "give gait, train, repertoire, or the directory"),
+        ({"behaviour": "nothing-here"}, "give gait, train, repertoire, atlas, atlas-others, or the directory"),
         ({"behaviour": "repertoire", "damage_schedule": "healthy@0,leg_rm@800"}, "does not go with damage_schedule"),
     ],
 )
