@@ -1,34 +1,36 @@
-"""How soon a robot walks on after its damage: who chooses how, speed retained and falls, from the moment it strikes.
+"""How soon a robot walks on after its damage: speed kept, falls and what it finds out, from the moment it strikes.
 
-    python -m experiments.recovery runs/atlas-.../atlas.npz --damages losses21 --left-out
+    python -m experiments.recovery srl_jax/atlas/atlas.npz --rows foreseen left-out --figure recovery.png
 
 Robots are C MuJoCo at 2 ms and 50 iterations on another floor, with noisy sensors; the damage strikes in mid-stride and
 robot time counts from there. Speeds are shares of what the healthy robot walks in the same world under the scripted
-tripod; recovered is no fall, and half of that in the last window.
+tripod; recovered is no fall, and half of that in the last window. Rows are what robots go through
+(`experiments/recovering/rows.py`), methods how they go on (`methods.py`).
 """
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
 
+from experiments.recovering import figure, scores
+from experiments.recovering.methods import METHODS, scopes
+from experiments.recovering.rows import ROWS, Case, cases
 from srl_jax.atlas import file, recovery
-from srl_jax.atlas.choice import RULES
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.mind import Scope
-from srl_jax.atlas.recovery import Story
-from srl_jax.atlas.robots import CRobot, World
+from srl_jax.atlas.robots import CRobot
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
-from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
 from srl_jax.env.senses import observation
-from srl_jax.statistics import iqm, stratified_interval
+from srl_jax.job.apprentice import Apprentice
 
 HZ = 20
 STRIKE = (20, 40)  # control steps of healthy walking before the damage
@@ -43,117 +45,92 @@ class Args:
     """Damages every robot in mid-stride, and measures how it goes on."""
 
     atlas: tyro.conf.Positional[Path]
-    damages: str = "losses21"  # names and sets, as --damage of a run
-    seeds: int = 3  # robots of each damage
-    left_out: bool = False  # each damage is left out of the atlas for its own robots: hypotheses and policies
-    compose: bool = True  # whether robots put damages together from silent servos
-    seconds: float = 10.0  # after the damage; from 20 on, its last ten are shown too
-    friction: float = 0.8  # share of the atlas' own
-    rules: str = ",".join(RULES)  # of choice, beside the oracle and the policy of the healthy
+    rows: tuple[str, ...] = ("foreseen", "left-out")  # of ROWS
+    methods: tuple[str, ...] = ("learning", "posterior", "oracle", "nearest", "trials", "uniform", "healthy")
+    robots: int = 63  # of each row
+    seconds: float = 10.0  # after the damage; from 20 on, the last ten are shown too
+    out: str = ""  # file for every robot's numbers (JSON)
+    figure: str = ""  # file for the curves (PNG)
 
 
-def robots(names: Sequence[str], seeds: int, world: World) -> list[CRobot]:
-    """One robot for every damage and seed; the same for all rules."""
+def bodies_of(lots: Sequence[Case]) -> list[CRobot]:
+    """One robot a case; the same for all methods."""
     random = np.random.default_rng(0)
-    return [CRobot(name, int(random.integers(*STRIKE)), seed, world) for name in names for seed in range(seeds)]
+    return [CRobot(lot.damage, int(random.integers(*STRIKE)), seed, lot.world) for seed, lot in enumerate(lots)]
 
 
-def tripod_speed(atlas: Atlas, bodies: Sequence[CRobot]) -> float:
-    """m/s of healthy robots under the scripted tripod, from the third second on: what all is compared with."""
+def standards(atlas: Atlas, lots: Sequence[Case]) -> list[float]:
+    """m/s of the healthy robot under the scripted tripod in every case's world, from the third second on."""
     clock, act = atlas.about["clock_hz"], jax.jit(partial(gaits.act, gaits.load()))
-    for body in bodies:
+    found: dict[object, float] = {}
+    for lot in lots:
+        if lot.world in found:
+            continue
+        body = CRobot("healthy", 0, 0, lot.world)
         senses = body.reset()
         for step in range(STANDARD):
             phase = jnp.float32(step * clock / HZ % 1.0)
             seen = observation(jax.tree.map(jnp.asarray, senses), phase, task="x", kind="onboard")
             senses = body.step(np.asarray(act(seen)))
-    return float(np.mean([b.positions[-1][0] - b.positions[39][0] for b in bodies]) * HZ / (STANDARD - 40))
-
-
-def scopes(atlas: Atlas, bodies: Sequence[CRobot], left_out: bool, rule: str) -> Callable[[int], list[Scope]]:
-    """What each robot may use of the atlas at a control step; whom the oracle names once the damage has struck."""
-    value, own_rule = atlas.value, rule if rule in RULES else RULES[0]
-    healthy = int(np.argmax(value[:, 0]))
-    own = [recovery.scope(atlas, [body.damage] if left_out else [], rule=own_rule) for body in bodies]
-    told = np.full((2, len(bodies)), -1 if rule in RULES else healthy)  # before the strike, and after it
-    if rule == "oracle":
-        for number, body in enumerate(bodies):
-            if body.damage in atlas.damages:
-                column = np.where(own[number].policies, value[:, atlas.damages.index(body.damage)], -np.inf)
-                told[1, number] = np.argmax(column)
-
-    def at(step: int) -> list[Scope]:
-        struck = [int(step >= body.strike) for body in bodies]
-        return [
-            mine._replace(told=np.array(told[now, i])) for i, (mine, now) in enumerate(zip(own, struck, strict=True))
-        ]
-
-    return at
-
-
-def retained(bodies: Sequence[CRobot], window: tuple[float, float], healthy: float) -> np.ndarray:
-    """Share of the healthy speed f64[N] over seconds after the damage; 0 for a robot that fell."""
-    first, last = (round(HZ * second) for second in window)
-    speeds = [(b.positions[b.strike + last - 1][0] - b.positions[b.strike + first - 1][0]) for b in bodies]
-    kept = np.array(speeds) / (window[1] - window[0]) / healthy
-    return np.where([b.fell for b in bodies], 0.0, kept)
-
-
-def named(atlas: Atlas, bodies: Sequence[CRobot], story: Story, seconds: float) -> tuple[float, float]:
-    """How often the damage was named first, and how often the policy in command was within 10 % of the best."""
-    right, good = [], []
-    for i, body in enumerate(bodies):
-        if body.damage not in atlas.damages:
-            continue
-        step, column = body.strike + round(seconds * HZ), atlas.damages.index(body.damage)
-        right.append(np.argmax(story.log_belief[step, i]) == column)
-        good.append(atlas.value[story.policy[step, i], column] >= 0.9 * atlas.value[:, column].max())
-    return float(np.mean(right)), float(np.mean(good))
-
-
-def alarms(bodies: Sequence[CRobot], story: Story) -> float:
-    """Share of robots that took themselves for damaged at some step before they were; at any, if they never were."""
-    healthy = np.exp(story.log_belief[:, :, 0])
-    ends = [len(healthy) if body.damage == damage_names.HEALTHY else body.strike + 1 for body in bodies]
-    return float(np.mean([healthy[:end, i].min() < 0.5 for i, end in enumerate(ends)]))
+        found[lot.world] = (body.positions[-1][0] - body.positions[39][0]) * HZ / (STANDARD - 40)
+    return [found[lot.world] for lot in lots]
 
 
 def main(args: Args) -> None:
-    """Walks all robots by every rule and prints the table.
+    """Walks all robots by every method and prints a table for each row.
 
     Raises:
-        ValueError: the atlas cannot be read, or a damage has no meaning.
+        ValueError: the atlas cannot be read, or a row or method is unknown.
     """
-    if args.seeds < 1:
-        raise ValueError(f"seeds is {args.seeds}: at least 1 is needed.")
+    for field, given, known in (("rows", args.rows, ROWS), ("methods", args.methods, METHODS)):
+        unknown = [name for name in given if name not in known]
+        if unknown or not given:
+            raise ValueError(f"{field} has {', '.join(unknown) or 'nothing'}: choose from {', '.join(known)}.")
+    if args.robots < 1:
+        raise ValueError(f"robots is {args.robots}: at least 1 is needed.")
     use_devices("1", solves=False)
     atlas = file.load(args.atlas)
-    names, world = damage_names.parse_names(args.damages, atlas.about["task"]), World(friction=args.friction)
+    apprentice = Apprentice(atlas) if any(METHODS[name].learns for name in args.methods) else None
     windows = [*WINDOWS, *([(args.seconds - 10.0, args.seconds)] if args.seconds >= 20.0 else [])]
-    seconds = (STRIKE[1] + 1) / HZ + windows[-1][1]
-    healthy = tripod_speed(atlas, robots(["healthy"], args.seeds, world))
-    print(f"{len(names)} damages x {args.seeds} robots; healthy, under the tripod: {healthy:.3f} m/s in this world.")
-    print(f"{'rule':<10} " + "".join(f"{f'{first:g}-{last:g} s':<19}" for first, last in windows) + "recovered  falls")
-    for rule in ("oracle", "healthy", *args.rules.split(",")):
-        bodies = robots(names, args.seeds, world)
-        each = scopes(atlas, bodies, args.left_out, rule)
-        story = recovery.run(atlas, bodies, seconds=seconds, scopes=each, compose=args.compose)
-        print(row(rule, [retained(bodies, window, healthy) for window in windows], bodies, args.seeds), flush=True)
-        if rule == RULES[0]:
-            looks = [f"{s:g} s {a:.2f} / {b:.2f}" for s in LOOKS for a, b in [named(atlas, bodies, story, s)]]
-            print(f"  named first / policy within 10 % of the best after {', '.join(looks)}")
-            print(f"  taken for damaged before the strike: {alarms(bodies, story):.3f}")
+    windows = [(first, min(last, args.seconds)) for first, last in windows if first < args.seconds]
+    times = np.array([t for t in (0.5, 1, 1.5, 2, 3, 4, 5, 7, 10, 13, 16, 20, 25, 30, 40, 60) if t <= args.seconds])
+    curves, kept = {}, {}
+    for name in args.rows:
+        lots = cases(name, args.robots)
+        standard = standards(atlas, lots)
+        print(f"\n{name}: {ROWS[name].said}; {len(lots)} robots, healthy under the tripod {np.mean(standard):.3f} m/s")
+        print(f"{'method':<14} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
+        for method in args.methods:
+            bodies, began = bodies_of(lots), perf_counter()
+            story = _walk(atlas, method, lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds, apprentice)
+            shares = [scores.retained(bodies, window, standard) for window in windows]
+            cells = "".join(f"{scores.interval(share):<19}" for share in shares)
+            recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
+            print(f"{method:<14} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
+            if method == args.methods[0]:
+                _found(atlas, lots, bodies, story)
+            curves.setdefault(name, {})[method] = scores.curve(bodies, times, standard).tolist()
+            kept.setdefault(name, {})[method] = [share.round(4).tolist() for share in shares]
+    if args.out:
+        about = {"atlas": atlas.about, "windows": windows, "times": times.tolist()}
+        Path(args.out).write_text(json.dumps(about | {"retained": kept, "curves": curves}))
+    if args.figure:
+        figure.save(Path(args.figure), times, curves, {name: ROWS[name].said for name in args.rows})
 
 
-def row(rule: str, kept: Sequence[np.ndarray], bodies: Sequence[CRobot], seeds: int) -> str:
-    """A line of the table: the IQM of each window with its interval, recovered in the last one, falls."""
-    cells = []
-    for shares in kept:
-        grid = shares.reshape(-1, seeds).T
-        low, high = stratified_interval(grid, iqm)
-        cells.append(f"{iqm(grid):.2f} [{low:.2f}, {high:.2f}]")
-    recovered, fell = np.mean(kept[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
-    return f"{rule:<10} {''.join(f'{cell:<19}' for cell in cells)}{recovered:<10.2f} {fell:.2f}"
+def _walk(atlas: Atlas, method: str, lots, bodies, seconds: float, apprentice: Apprentice | None):
+    how = METHODS[method]
+    learn = apprentice.learn if how.learns and apprentice else None
+    each = scopes(atlas, how, lots, bodies)
+    return recovery.run(atlas, bodies, seconds=seconds, scopes=each, compose=how.composes, learn=learn)
+
+
+def _found(atlas: Atlas, lots: Sequence[Case], bodies: Sequence[CRobot], story: recovery.Story) -> None:
+    looks = [f"{s:g} s {a:.2f} / {b:.2f}" for s in LOOKS for a, b in [scores.named(atlas, lots, bodies, story, s)]]
+    print(f"  thought of first / policy within 10 % of the best usable after {', '.join(looks)}")
+    told = [bool(set(names) & {body.damage}) for body, names in zip(bodies, story.twins, strict=True)]
+    print(f"  put together rightly: {np.mean(told):.2f}; taken for damaged before the strike: "
+          f"{scores.alarms(bodies, story):.3f}")  # fmt: skip
 
 
 if __name__ == "__main__":

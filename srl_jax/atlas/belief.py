@@ -22,7 +22,7 @@ class Likelihood(NamedTuple):
     whitening: jax.Array  # f32[24, 24] L with L C L' = 1, C the covariance of a true hypothesis' residuals
     tempering: float = 4.0  # steps whose errors count as one
     vague: float = 2.0  # times the standard deviation with which 'none of these' predicts
-    most: float = 40.0  # squared norm beyond which a residual says no more: one bad reading must not decide
+    most: float = 60.0  # squared norm beyond which a residual says no more: one bad reading must not decide
     mistaken: float = 0.05  # chance that a servo which is there does not answer, or one that is gone does
     hazard: float = 0.002  # chance a step that the damage changes
 
@@ -44,6 +44,12 @@ def prior(log_even: jax.Array, healthy: float = 0.99) -> Belief:
     return Belief(
         jnp.logaddexp(jnp.log1p(-healthy) + log_even, jnp.full_like(log_even, -jnp.inf).at[0].set(jnp.log(healthy)))
     )
+
+
+def strange(log_even: jax.Array, sure: float = 0.999) -> Belief:
+    """It is none of these with this probability, and any of them alike."""
+    share = jnp.log1p(-sure) + log_even
+    return Belief(share.at[-1].set(jnp.logaddexp(share[-1], jnp.log(sure))))
 
 
 def log_likelihood(errors: jax.Array, unexpected: jax.Array, admitted: jax.Array, likelihood: Likelihood) -> jax.Array:

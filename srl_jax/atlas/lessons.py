@@ -22,9 +22,9 @@ Learn = Callable[[str, Params, tuple[int, ...]], Iterator[Params]]  # damage, po
 class Course:
     """What is learned, and how much robot time goes by meanwhile: the computing time that is granted to it."""
 
-    steps: tuple[int, ...] = (10_000, 20_000, 40_000)
+    steps: tuple[int, ...] = (10_000, 20_000)
     """Environment steps of simulated training after which a policy is given out."""
-    seconds: tuple[float, ...] = (5.0, 10.0, 20.0)
+    seconds: tuple[float, ...] = (5.0, 10.0)
     """After the beginning, when each of them is ready."""
 
 

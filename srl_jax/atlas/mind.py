@@ -64,6 +64,7 @@ class Scope(NamedTuple):
     policies: jax.Array  # bool[I]
     rule: jax.Array  # i32[] index into `choice.RULES`
     told: jax.Array  # i32[] the policy that somebody who knows names, in place of any rule; -1: nobody does
+    blind: jax.Array  # bool[] whether it takes no notice of its senses: it is none of the damages, and trials decide
     twins: Twins  # S hypotheses more, that it has put together itself, and S policies learned for them
 
 
@@ -150,7 +151,9 @@ class Mind:
         )
         unexpected = jnp.sum(jax.vmap(present)(known.damage) != senses.answering[None], axis=1)
         evidence = beliefs.log_likelihood(errors, unexpected, scope.damages, known.likelihood)
-        return states, beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
+        belief = beliefs.update(memory.belief, evidence, beliefs.even(scope.damages), known.likelihood.hazard)
+        blind = beliefs.strange(beliefs.even(scope.damages))
+        return states, jax.tree.map(lambda own, other: jnp.where(scope.blind, other, own), belief, blind)
 
     def choose(
         self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array

@@ -71,7 +71,16 @@ def knowledge(atlas: Atlas) -> Knowledge:
     )
 
 
-def scope(atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", told: int = -1) -> Scope:
+def imagined(atlas: Atlas, damage: Damage) -> np.ndarray:
+    """What every policy of an atlas would be worth under any damage, f32[I]: all of them walk in its simulation."""
+    known = knowledge(atlas)
+    own = jax.tree.map(jnp.asarray, damage)
+    return np.asarray(_imagine(known, known.actors, own, mind=mind_of(atlas)))
+
+
+def scope(
+    atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", told: int = -1, blind: bool = False
+) -> Scope:
     """All of an atlas but what concerns some damages: neither their hypotheses nor the policies trained for them.
 
     Args:
@@ -79,13 +88,16 @@ def scope(atlas: Atlas, without: Sequence[str] = (), *, rule: str = "greedy", to
         without: damages.
         rule: greedy, thompson, likeliest or uniform (`choice.propose`).
         told: the policy that somebody names who knows.
+        blind: whether the robot finds out by trials alone (intelligent trial and error), not by what it feels.
 
     Raises:
         ValueError: an unknown rule, or a damage without meaning.
     """
     gone = {damage_names.canonical(name) for name in without}
     kept = [np.array([name not in gone for name in names]) for names in (atlas.damages, atlas.trained_for)]
-    return Scope(*kept, np.array(choices.number(rule)), np.array(told), twins.nobody(atlas.value, atlas.actors))  # pyright: ignore
+    own = twins.nobody(atlas.value, atlas.actors)
+    values = [*kept, np.array(choices.number(rule)), np.array(told), np.array(blind), own]
+    return Scope._make(values)
 
 
 def run(

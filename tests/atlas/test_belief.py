@@ -48,6 +48,7 @@ def test_the_smaller_residual_is_likelier_and_none_of_these_wins_when_all_are_fa
     assert np.argmax(near) == 0 and near[1] > near[2]
     far = beliefs.log_likelihood(size(9.0, 12.0, 15.0), silent, ALL, LIKELIHOOD)
     assert np.argmax(far) == 3
+    assert far[0] == far[2], "beyond what a reading may say, all are alike"
     # Half the variance of a residual of this size pays for 24 log 2: there both are as likely.
     even = beliefs.log_likelihood(size(np.sqrt(2 * 24 * np.log(2) / 0.75), 20.0, 20.0), silent, ALL, LIKELIHOOD)
     np.testing.assert_allclose(even[0], even[3], atol=1e-3)

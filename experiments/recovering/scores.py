@@ -1,0 +1,64 @@
+"""How robots went on: speed kept, falls, and whether the damage and the right policy were found."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from experiments.recovering.rows import Case
+from srl_jax.atlas.file import Atlas
+from srl_jax.atlas.recovery import Story
+from srl_jax.atlas.robots import CRobot
+from srl_jax.env.damage_names import HEALTHY
+from srl_jax.env.hexapod import CONTROL_HZ
+from srl_jax.statistics import iqm, stratified_interval
+
+HZ = round(CONTROL_HZ)
+
+
+def speed(body: CRobot, first: float, last: float) -> float:
+    """m/s from one second after the damage to another; the start counts as the second 0 of a robot struck at once."""
+    path = np.array([0.0, *(pose[0] for pose in body.positions)])
+    return float(path[body.strike + round(HZ * last)] - path[body.strike + round(HZ * first)]) / (last - first)
+
+
+def retained(bodies: Sequence[CRobot], window: tuple[float, float], standard: Sequence[float]) -> np.ndarray:
+    """Share of the healthy speed f64[N] over seconds after the damage; 0 for a robot that fell at any time."""
+    kept = np.array([speed(body, *window) / own for body, own in zip(bodies, standard, strict=True)])
+    return np.where([body.fell for body in bodies], 0.0, kept)
+
+
+def interval(shares: np.ndarray) -> str:
+    """IQM and 95 % interval over robots."""
+    low, high = stratified_interval(shares[:, None], iqm)
+    return f"{iqm(shares):.2f} [{low:.2f}, {high:.2f}]"
+
+
+def named(atlas: Atlas, lots: Sequence[Case], bodies: Sequence[CRobot], story: Story, seconds: float) -> tuple:
+    """How often the damage was thought of first, and how often a policy as good as the best usable one walked.
+
+    As good: within 10 % by the matrix, or learned for it; among robots whose damage the atlas has. NaN: there is none.
+    """
+    right, good = [], []
+    for i, (lot, body) in enumerate(zip(lots, bodies, strict=True)):
+        step = body.strike + round(seconds * HZ)
+        likeliest, policy = int(np.argmax(story.log_belief[step, i, :-1])), int(story.policy[step, i])
+        names = [*atlas.damages, *story.twins[i]]
+        right.append(likeliest < len(names) and names[likeliest] == body.damage)
+        if body.damage in atlas.damages:
+            column = atlas.value[:, atlas.damages.index(body.damage)]
+            usable = np.array([name not in lot.without for name in atlas.trained_for])
+            good.append(policy >= len(column) or column[policy] >= 0.9 * column[usable].max())
+    return float(np.mean(right)), float(np.mean(good)) if good else np.nan
+
+
+def alarms(bodies: Sequence[CRobot], story: Story) -> float:
+    """Share of robots that took themselves for damaged at some step before they were; at any, if they never were."""
+    healthy = np.exp(story.log_belief[:, :, 0])
+    ends = [len(healthy) if body.damage == HEALTHY else body.strike + 1 for body in bodies]
+    return float(np.mean([healthy[:end, i].min() < 0.5 for i, end in enumerate(ends)]))
+
+
+def curve(bodies: Sequence[CRobot], seconds: np.ndarray, standard: Sequence[float], width: float = 1.0) -> np.ndarray:
+    """IQM over robots of the share kept in the `width` seconds before each second after the damage, f64[T]."""
+    points = [retained(bodies, (max(second - width, 0.0), second), standard) for second in seconds]
+    return np.array([iqm(kept) for kept in points])
