@@ -4,14 +4,17 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 
 from srl_jax.env import damage as damages
-from srl_jax.env import damage_names
+from srl_jax.env import damage_names, hexapod
 from srl_jax.env.hexapod import ACTION_SCALE, CONTROL_HZ, UPRIGHT
 from srl_jax.env.model import stance
 from srl_jax.env.senses import NOISE, Senses
+from srl_jax.env.settings import EnvConfig
 from srl_jax.evaluate import converged_model
 
 
@@ -130,3 +133,50 @@ class CRobot:
             distance=np.array(2.0, np.float32),
             come=np.array(self._data.qpos[0], np.float32),
         )
+
+
+@dataclass
+class MjxRobot:
+    """A robot of the physics that the atlas was trained in, with noisy sensors; otherwise as `CRobot`."""
+
+    damage: str
+    strike: int
+    seed: int = 0
+    positions: list[np.ndarray] = field(default_factory=list)
+    fell: bool = False
+
+    def __post_init__(self) -> None:
+        robot = hexapod.make("x", EnvConfig(observation="onboard", physics="mjx"), 1.0)
+        self._each = [jax.tree.map(jnp.asarray, damages.build(name)) for name in (damage_names.HEALTHY, self.damage)]
+        self._begin = jax.jit(lambda key: hexapod.reset(robot, self._each[0], key)[0])
+
+        def step(damage: damages.Damage, state: hexapod.EnvState, action: jax.Array):
+            reached, out = hexapod.step(robot, damage, state, action)
+            return reached, out.fell
+
+        self._step = jax.jit(step)
+        self._feel = jax.jit(lambda damage, state: hexapod.feel(robot, damage, state))
+
+    def reset(self) -> Senses:
+        """Stands at the origin, its joints a little off."""
+        self._random = np.random.default_rng(self.seed)
+        self._state = self._begin(jax.random.key(self.seed))
+        self.positions, self.fell = [], False
+        return self._senses(self._each[0])
+
+    def step(self, action: np.ndarray) -> Senses:
+        """One control step; the damage strikes before the step numbered `strike`, in mid-stride."""
+        damage = self._each[len(self.positions) >= self.strike]
+        self._state, fell = self._step(damage, self._state, jnp.asarray(action))
+        self.positions.append(np.asarray(self._state.qpos, np.float64))
+        self.fell |= bool(fell)
+        return self._senses(damage)
+
+    def _senses(self, damage: damages.Damage) -> Senses:
+        senses = jax.device_get(self._feel(damage, self._state))
+        noisy = {name: getattr(senses, name) for name in NOISE}
+        drawn = {name: self._random.standard_normal(noisy[name].shape) for name in NOISE}
+        noisy = {name: (noisy[name] + NOISE[name] * drawn[name]).astype(np.float32) for name in NOISE}
+        for name in ("joints", "speeds"):
+            noisy[name] = np.where(senses.answering, noisy[name], 0.0).astype(np.float32)
+        return senses._replace(**noisy)

@@ -19,15 +19,22 @@ class Arguments:
     atlas: str = ""
     """The file of an atlas (python -m srl_jax.atlas); empty: the one that ships with the package."""
     damage: str = "random"
-    """A name such as leg_rm+leg_lf, or random: one of the atlas' own."""
+    """A name such as leg_rm+leg_lf or femur_rf:limp+tibia_lm:weak=0.5; random: one of the atlas' own; held-out: one
+    of these that the robot has neither a hypothesis of nor a policy for."""
     strike: float = 2.0
     """Seconds of healthy walking before it."""
-    seconds: float = 10.0
+    seconds: float = 20.0
     """In all."""
     rule: Literal["greedy", "thompson", "likeliest", "uniform"] = "greedy"
     """How a policy is chosen from the posterior."""
+    learn: bool = True
+    """Whether it learns for a damage that it has put together itself, by SRL in its own simulation."""
+    physics: Literal["c", "mjx"] = "c"
+    """The robot's: C MuJoCo at 2 ms, or what the atlas was trained in."""
     friction: float = 0.8
-    """Of the floor, as a share of the atlas' own."""
+    """Of the floor, as a share of the atlas' own; C MuJoCo only."""
+    out: str = ""
+    """Directory for a figure and a video beside a robot that knows nothing; empty: none."""
     seed: int = 0
     """Of the robot's sensors and draws."""
 

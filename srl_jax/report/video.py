@@ -53,7 +53,7 @@ def render(
     for t, picture in enumerate(paint(visible_model(damage_name), poses, marker, painter=painter, size=size)):
         text = _caption(damage_name, t + 1, poses[t, :2], marker)
         end = outcome if t + 1 == len(poses) else ""
-        frames.append(np.concatenate([picture, _strip(text, end, size[0])]))
+        frames.append(np.concatenate([picture, caption(text, end, size[0])]))
     return np.stack(frames + frames[-1:] * HOLD)
 
 
@@ -97,7 +97,7 @@ def _caption(damage_name: str, steps: int, position: np.ndarray, marker: raycast
     return text
 
 
-def _strip(text: str, end: str, width: int) -> np.ndarray:
+def caption(text: str, end: str, width: int) -> np.ndarray:
     """A line of text, and one to its right: u8[24, width, 3]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

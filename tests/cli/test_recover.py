@@ -11,11 +11,21 @@ def test_the_story_is_told_step_by_step(atlas, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(recover, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
     file.save(tmp_path / "atlas.npz", atlas)
     words = ["--atlas", str(tmp_path / "atlas.npz"), "--damage", "leg_lf+leg_lr", "--strike", "0.4", "--seconds", "1.6"]
-    assert recover._main(words) == 0
+    assert recover._main([*words, "--no-learn"]) == 0
     told = capsys.readouterr().out
-    assert "leg_lf+leg_lr strikes after 0.4 s; it was never foreseen." in told
+    assert "leg_lf+leg_lr strikes after 0.4 s; the atlas knows nothing of it." in told
     assert "0.4* " in told and "leg_lf+leg_lr (put together)" in told
-    assert "Before " in told and " m/s" in told
+    assert "With the atlas: before " in told and "Without: before " in told and " m/s" in told
+
+
+def test_a_figure_and_a_video_are_left_and_what_is_held_out_is_not_known(atlas, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(recover, "use_devices", lambda wanted, **_: DEVICES)
+    file.save(tmp_path / "atlas.npz", atlas)
+    words = ["--atlas", str(tmp_path / "atlas.npz"), "--damage", "held-out", "--strike", "0.2", "--seconds", "0.6"]
+    assert recover._main([*words, "--no-learn", "--physics", "mjx", "--out", str(tmp_path / "seen")]) == 0
+    assert "the atlas knows nothing of it" in capsys.readouterr().out
+    assert (tmp_path / "seen" / "recovery.png").stat().st_size > 10_000
+    assert (tmp_path / "seen" / "recovery.mp4").stat().st_size > 5_000
 
 
 @pytest.mark.parametrize(
