@@ -78,6 +78,7 @@ class School:
             mastery=twins.put(own.mastery, slot, worth),
             graduated=twins.put(own.graduated, slot, True),
         )
+        composer.unsure.add(robot)
 
     def lesson(self, name: str, teacher: int, damage: Damage) -> list[tuple[Params, float]]:
         """The policy after every stage of a course, and what it is worth in the simulation that it was learned in."""

@@ -42,6 +42,8 @@ class Settings:
     prior: trial.Prior = trial.PRIOR
     room: int = 64
     """Segments that it remembers."""
+    poor: float = 0.5
+    """Share of what was expected of a segment below which it thinks again."""
 
 
 DEFAULT = Settings()
@@ -74,12 +76,14 @@ def widened(known: Knowledge, scope: Scope) -> tuple[Knowledge, Scope]:
     A policy that it has learned is trusted under the damage that it was learned for, and under no other.
     """
     own, damages = scope.twins, known.value.shape[1]
+    again = jnp.arange(damages + len(own.mastery)) == own.revised
     learned = jnp.concatenate([jnp.zeros((len(own.mastery), damages)), jnp.diag(own.mastery)], axis=1)
+    value = jnp.concatenate([jnp.concatenate([known.value, own.value], axis=1), learned])
     joined = partial(jax.tree.map, lambda a, b: jnp.concatenate([a, b]))
     wide = known._replace(
         damage=joined(known.damage, own.damage),
         actors=joined(known.actors, own.actors),
-        value=jnp.concatenate([jnp.concatenate([known.value, own.value], axis=1), learned]),
+        value=jnp.where(again[None], own.revision[:, None], value),
     )
     policies = jnp.append(scope.policies, own.graduated)
     return wide, scope._replace(damages=jnp.append(scope.damages, own.admitted), policies=policies)
@@ -92,6 +96,7 @@ class Memory(NamedTuple):
     belief: Belief
     choice: Choice
     trials: Trials
+    disappointed: jax.Array  # bool[] whether a segment has just ended that was worth far less than was expected
     action: jax.Array  # f32[18] the last one
     phase: jax.Array  # f32[] of the gait's clock
     key: jax.Array
@@ -121,6 +126,7 @@ class Mind:
             belief=beliefs.prior(beliefs.even(scope.damages)),
             choice=Choice(best, jnp.int32(0), jnp.float32(jnp.nan)),
             trials=trial.none(self.settings.room),
+            disappointed=jnp.bool_(False),
             action=jnp.zeros(hexapod.ACTION_SIZE),
             phase=jax.random.uniform(key),
             key=key,
@@ -131,12 +137,12 @@ class Mind:
         known, scope = widened(known, scope)
         key, choice_key = jax.random.split(memory.key)
         states, belief = self.doubt(known, scope, memory, senses)
-        choice, trials = self.choose(known, scope, memory, belief, senses, choice_key)
+        choice, trials, disappointed = self.choose(known, scope, memory, belief, senses, choice_key)
         actor = jax.tree.map(lambda leaf: leaf[choice.policy], known.actors)
         seen = feeling.observation(senses, memory.phase, task=self.task, kind=self.observation)
         action = behaviour.policy(actor, seen, config=self.network)
         phase = jnp.mod(memory.phase + self.clock_hz / CONTROL_HZ, 1.0)
-        return Memory(states, belief, choice, trials, action, phase, key)
+        return Memory(states, belief, choice, trials, disappointed, action, phase, key)
 
     def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[EnvState, Belief]:
         """The hypotheses' robots after the last action, and the belief that they leave."""
@@ -157,8 +163,8 @@ class Mind:
 
     def choose(
         self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array
-    ) -> tuple[Choice, Trials]:
-        """Who walks on, and what has been tried."""
+    ) -> tuple[Choice, Trials, jax.Array]:
+        """Who walks on, what has been tried, and whether that was far worse than expected."""
         pace, prior = self.settings.pace, self.settings.prior
         choice, over, walked = choices.segment(memory.choice, jnp.asarray(senses.come), pace)
         tipping = (-senses.gravity[2] < pace.tipping) & (choice.held > pace.settle)
@@ -175,7 +181,9 @@ class Mind:
         proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
         open_minded = (belief.log[-1] < HALF) | (trials.count == 0)
         own = choices.decide(choice, over, proposed, mean, scope.policies, open_minded, pace)
-        return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials
+        hoped = expected.mean[choice.policy]
+        disappointed = (worth < self.settings.poor * hoped) & (hoped > pace.margin) & (belief.log[-1] < HALF)
+        return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials, disappointed
 
     def imagine(self, known: Knowledge, actors: Params, damage: Damage, key: jax.Array) -> jax.Array:
         """What policies [K, ...] would be worth under a damage, f32[K]: all of them walk in its simulation."""
@@ -184,6 +192,22 @@ class Mind:
         each = jax.vmap(jax.vmap(walk, (None, None, 0)), (0, None, None))
         speed, fell = each(actors, damage, starts)
         return jnp.mean(speed, axis=1) * (1.0 - jnp.mean(fell, axis=1)) / known.healthy_speed
+
+    def again(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[jax.Array, jax.Array]:
+        """The likeliest hypothesis i32[], and what all policies would be worth under it from here, f32[I + S].
+
+        Here: in the pose and the motion of that hypothesis' robot, in the direction that is felt.
+        """
+        known, _ = widened(known, scope)
+        likeliest = jnp.argmax(memory.belief.log[:-1]).astype(jnp.int32)
+        state, damage = (jax.tree.map(lambda leaf: leaf[likeliest], tree) for tree in (memory.states, known.damage))
+        ahead = hexapod.rotation(state.qpos[3:7])[:, 0]
+        towards = jnp.asarray(senses.towards)
+        turn = jnp.arctan2(-towards[1], towards[0]) - jnp.arctan2(ahead[1], ahead[0])
+        start = strides.turned(state, turn)._replace(phase=memory.phase)
+        walk = partial(matrix.walk, self.robot, self.network, STEPS)
+        speed, fell = jax.vmap(walk, (0, None, None))(known.actors, damage, start)
+        return likeliest, speed * (1.0 - fell) / known.healthy_speed
 
     def explain(self, known: Knowledge, damage: Damage, log: Log) -> jax.Array:
         """Log-likelihood f32[C] of what was done and felt under damages, leaves [C, ...]; as `doubt` judges them."""

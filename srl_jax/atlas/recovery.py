@@ -50,6 +50,13 @@ def _imagine(known: Knowledge, actors: Params, damage: Damage, *, mind: Mind) ->
 
 
 @partial(jax.jit, static_argnames="mind")
+def _again(known: Knowledge, scope: Scope, memory: Memory, senses: Senses, number: jax.Array, *, mind: Mind):
+    """Of one robot among N, leaves [N, ...]."""
+    own = jax.tree.map(lambda leaf: jnp.asarray(leaf)[number], (scope, memory, senses))
+    return mind.again(known, *own)
+
+
+@partial(jax.jit, static_argnames="mind")
 def _explain(known: Knowledge, damage: Damage, log: Log, *, mind: Mind) -> jax.Array:
     return mind.explain(known, damage, log)
 
@@ -149,7 +156,11 @@ def run(
         if compose:
             _compose(composer, school, step, now, senses, told)
             now = [own._replace(twins=added) for own, added in zip(now, composer.twins, strict=True)]
-        memory = _think(known, _stacked(now), memory, _stacked(senses), mind=mind)
+        scope_rows, felt = _stacked(now), _stacked(senses)
+        memory = _think(known, scope_rows, memory, felt, mind=mind)
+        if compose:
+            for number in {*np.flatnonzero(memory.disappointed).tolist(), *composer.unsure}:
+                composer.revise(number, *_again(known, scope_rows, memory, felt, number, mind=mind))
         told.append(jax.device_get((memory.belief.log, memory.choice.policy, memory.action)))
         watch(memory, composer)
         senses = [robot.step(action) for robot, action in zip(robots, told[-1][2], strict=True)]

@@ -35,6 +35,8 @@ class Twins(NamedTuple):
     actors: Params  # leaves [S, ...] learned for each, as far as it goes
     mastery: np.ndarray  # f32[S] what these are worth under the damage that they were learned for
     graduated: np.ndarray  # bool[S]
+    revised: np.ndarray  # i32[] the hypothesis of D + S about which it has thought again; -1: none
+    revision: np.ndarray  # f32[I + S] what all policies are worth under that one, from where it is
 
 
 def nobody(value: np.ndarray, actors: Params) -> Twins:
@@ -46,6 +48,8 @@ def nobody(value: np.ndarray, actors: Params) -> Twins:
         actors=jax.tree.map(lambda leaf: np.repeat(np.asarray(leaf[:1]), ROOM, axis=0), actors),
         mastery=np.zeros(ROOM, np.float32),
         graduated=np.zeros(ROOM, bool),
+        revised=np.array(-1),
+        revision=np.zeros(len(value) + ROOM, np.float32),
     )
 
 
@@ -64,6 +68,7 @@ class Composer:
     twins: list[Twins]  # of every robot
     made: dict[str, tuple[Damage, np.ndarray]] = field(default_factory=dict)
     added: list[list[str]] = field(init=False)  # names of every robot's twins
+    unsure: set[int] = field(default_factory=set)  # robots that are to think again, whatever comes of their walking
     _silent: list[tuple[str | None, int]] = field(init=False)
     _recorders: list[Recorder] = field(init=False)
     _strange: list[int] = field(init=False)  # control steps for which it was none of these
@@ -91,6 +96,12 @@ class Composer:
         name = suspects.search(lambda damage: np.asarray(self.explain(damage, log)), log)
         if name is not None:
             self._add(robot, name, admitted)
+
+    def revise(self, robot: int, hypothesis: Any, worth: Any) -> None:
+        """What policies f32[I + S] are worth under one of D + S hypotheses from where the robot is."""
+        self.unsure.discard(robot)
+        own = self.twins[robot]
+        self.twins[robot] = own._replace(revised=np.array(hypothesis), revision=np.array(worth, np.float32))
 
     def _add(self, robot: int, name: str, admitted: np.ndarray) -> None:
         known = {own for own, may in zip(self.names, admitted, strict=True) if may}

@@ -90,5 +90,6 @@ def _pictures(walker: Walker, damage: str, strike: int) -> Iterator[np.ndarray]:
     )
     pace = speeds(walker.positions)
     for step, picture in enumerate(pictures):
-        said = f"{step / CONTROL_HZ:4.1f} s  {pace[step]:.2f} m/s   {walker.policy[step]}"
-        yield np.concatenate([picture, video.caption(said, walker.thought[step], SIZE[0])])
+        said = f"{step / CONTROL_HZ:4.1f} s  {pace[step]:5.2f} m/s   {walker.policy[step]}"
+        captions = [video.caption(line, "", SIZE[0]) for line in (said, walker.thought[step])]
+        yield np.concatenate([picture, *captions])

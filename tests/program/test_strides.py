@@ -37,6 +37,27 @@ def test_they_walk_upright_at_the_origin_at_any_phase(starts):
     assert np.std(starts.qpos[1, :, 2]) > np.std(starts.qpos[0, :, 2]), "damage makes them stumble"
 
 
+def test_they_are_turned_away_to_either_side(starts):
+    ahead = np.asarray(jax.vmap(jax.vmap(hexapod.rotation))(starts.qpos[..., 3:7]))[..., 0]
+    heading = np.arctan2(ahead[..., 1], ahead[..., 0])[0]
+    assert heading.min() < -0.5 and heading.max() > 0.5 and np.abs(heading).max() < strides.TURN + 0.6
+
+
+def test_what_is_turned_moves_the_same_in_another_direction(robot, starts):
+    """By a right angle, about which pyramids of friction are symmetric: turned and stepped is stepped and turned."""
+    own = jax.tree.map(lambda leaf: leaf[1, 0], starts)
+    values = jax.tree.map(jnp.asarray, damage.build(NAMES[1]))
+    move = jax.jit(lambda state: hexapod.simulate(robot, values, state, hexapod.targets(robot, jnp.full(18, 0.3))))
+    turned, straight = move(strides.turned(own, 0.5 * np.pi)), move(own)
+    origin = straight._replace(qpos=straight.qpos.at[:2].set(0.0))
+    expected = strides.turned(origin, 0.5 * np.pi)
+    np.testing.assert_allclose(turned.qpos[2:], expected.qpos[2:], atol=2e-4)
+    np.testing.assert_allclose(turned.qvel, expected.qvel, atol=2e-2)
+    cosine, sine = 0.0, 1.0
+    moved = np.array([[cosine, -sine], [sine, cosine]]) @ np.asarray(straight.qpos[:2])
+    np.testing.assert_allclose(turned.qpos[:2], moved, atol=2e-4)
+
+
 def test_an_episode_starts_from_one_of_them_as_often_as_asked(robot, starts):
     own = jax.tree.map(lambda leaf: leaf[0], starts)
     fresh, _ = hexapod.reset(robot, damage.build("healthy"), jax.random.key(9))

@@ -1,0 +1,67 @@
+"""pi_B out of an atlas: the best for a lane's damage, with or without what was trained for it."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from srl_jax.atlas import file
+from srl_jax.config import preset
+from srl_jax.env.settings import EnvConfig
+from srl_jax.job import atlas_teacher, teachers
+from srl_jax.program.lanes import Lane
+
+
+@pytest.fixture(scope="module")
+def path(atlas, tmp_path_factory):
+    path = tmp_path_factory.mktemp("atlas") / "atlas.npz"
+    file.save(
+        path, atlas._replace(speed=np.float32([[5, 1, 1, 1], [1, 4, 3, 1], [1, 2, 5, 1], [2, 3, 1, 4]])), half=False
+    )
+    return path
+
+
+def config(**fields):
+    base = dataclasses.replace(preset("smoke"), task="x", env=EnvConfig(observation="onboard"))
+    return dataclasses.replace(base, **fields)
+
+
+def weights(teacher, names):
+    params = teacher.params([Lane(i, "srl", 0, "x", name) for i, name in enumerate(names)])
+    return jax.tree.leaves(params)[0]
+
+
+@pytest.mark.parametrize(("kind", "best"), [("atlas", [1, 2, 0]), ("atlas-others", [3, 1, 3])])
+def test_every_lane_has_the_best_policy_for_its_damage(atlas, path, kind, best):
+    made = config(behaviour=f"{kind}:{path}", algos="srl", damage="leg_rm")
+    teachers.check(made)
+    (teacher,) = teachers.load(made, path.parent, lambda *_: True)
+    found = weights(teacher, ["leg_rm", "femur_lf:limp", "healthy"])
+    np.testing.assert_array_equal(found, jax.tree.leaves(atlas.actors)[0][best])
+    assert teacher.architecture == ((8, 8), True)
+
+
+def test_what_the_matrix_lacks_is_walked_in_simulation(atlas, path, monkeypatch):
+    monkeypatch.setattr(atlas_teacher, "WALKS", 1)
+    monkeypatch.setattr(atlas_teacher, "STEPS", 5)
+    made = config(behaviour=f"atlas:{path}")
+    column = atlas_teacher._judged(file.load(path), "leg_lm+tibia_rf:weak=0.5", made)
+    (teacher,) = teachers.load(made, path.parent, lambda *_: True)
+    found = weights(teacher, ["leg_lm+tibia_rf:weak=0.5"])
+    np.testing.assert_array_equal(found[0], jax.tree.leaves(atlas.actors)[0][np.argmax(column)])
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"task": "p2p"}, "its atlas was made with task=x, not p2p"),
+        ({"env": EnvConfig(observation="full")}, "made with observation=onboard, not full"),
+        ({"damage_schedule": "healthy@0,leg_rm@800"}, "leave damage_schedule out"),
+    ],
+)
+def test_an_atlas_that_does_not_fit_is_refused(path, fields, said):
+    with pytest.raises(ValueError, match=said):
+        teachers.check(config(behaviour=f"atlas:{path}", **fields))
+    with pytest.raises(ValueError, match="does not exist"):
+        teachers.check(config(behaviour="atlas:nowhere.npz"))
