@@ -14,11 +14,11 @@ from srl_jax.env.settings import TASKS, EnvConfig
 
 
 def test_unknown_preset_names_the_choices():
-    with pytest.raises(ValueError, match="preset is 'papper': choose default, paper or smoke"):
+    with pytest.raises(ValueError, match="preset is 'papper': choose default, paper, robot or smoke"):
         preset("papper")
 
 
-@pytest.mark.parametrize("name", ["default", "paper", "smoke"])
+@pytest.mark.parametrize("name", ["default", "paper", "robot", "smoke"])
 def test_presets_are_consistent(name):
     config = preset(name)
     assert set(config.algos.split(",")) <= set(registry.names()) and config.task in TASKS

@@ -26,8 +26,9 @@ SHORT = {"--physics": "--env.physics"}  # options that may be given without thei
 class Arguments(Config):
     """Train DDPG and SRL on a damaged hexapod: every seed and every damage in one compiled program."""
 
-    preset: Literal["default", "paper", "smoke"] = "default"
-    """Where the other options start from: default (tuned for two cores), paper (its table as printed), smoke."""
+    preset: Literal["default", "paper", "robot", "smoke"] = "default"
+    """Where the other options start from: default (tuned for two cores), paper (its table as printed), robot (one robot
+    after its damage: what it senses, an update a step), smoke."""
     out: str = ""
     """Directory for the results; runs/<task>-<date> if empty."""
     resume: str = ""

@@ -99,7 +99,7 @@ def operations(config: Config, lanes: Mapping[str, int]) -> float:
         config: of the run.
         lanes: how many each algorithm has.
     """
-    updates = config.steps / (config.train.environments * config.train.update_every)
+    updates = config.steps / config.train.steps_an_update
     total = 0.0
     for algo, count in lanes.items():
         settings, agent = config.agent(algo), registry.agent(config.agent(algo))

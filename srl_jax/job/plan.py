@@ -164,6 +164,7 @@ def check_numbers(config: Config) -> None:
         "evaluation.episodes": config.evaluation.episodes,
         "train.evaluate_every": train.evaluate_every,
         "train.update_every": train.update_every,
+        "train.updates": train.updates,
     }
     for name, value in positive.items():
         if value < 1:

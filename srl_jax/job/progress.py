@@ -59,7 +59,7 @@ class Totals:
     def rates(self, config: Config, lanes: int, learners: int) -> tuple[float, float]:
         """Environment steps per second of all lanes together, and updates of those that learn from a replay."""
         each = self.trained / self.training_seconds if self.training_seconds else 0.0
-        return lanes * each, learners * each / (config.train.environments * config.train.update_every)
+        return lanes * each, learners * each / config.train.steps_an_update
 
     def summary(
         self, config: Config, lanes: int, learners: int, devices: int, compile_seconds: float

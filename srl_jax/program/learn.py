@@ -15,14 +15,25 @@ from srl_jax.program.tally import Tally
 from srl_jax.types import EndedEpisodes, Transition
 
 
-def learn_rows(program: Program, lanes: LaneData, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
-    """One update of every lane's agent, of those algorithms that update."""
+def take_turn(program: Program, lanes: LaneData, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
+    """The updates of every lane's agent that are due at once."""
+    count = program.settings.updates
+    if count == 1:
+        return learn_rows(program, lanes, state, tally)
+    learn = lambda number, carry: learn_rows(program, lanes, *carry, number=number)  # noqa: E731
+    return jax.lax.fori_loop(0, count, learn, (state, tally))
+
+
+def learn_rows(
+    program: Program, lanes: LaneData, state: TrainState, tally: Tally, number: jax.Array | int = 0
+) -> tuple[TrainState, Tally]:
+    """One update of every lane's agent, of those algorithms that update; the `number`-th of its turn."""
     agents, losses, ok = dict(state.agents), dict(tally.losses), []
     for algo, rows in program.layout.slices().items():
         if program.agents[algo].update is None:
             ok.append(state.alive[rows])
             continue
-        agents[algo], metrics, finite = learn_algo(program, algo, lanes, state)
+        agents[algo], metrics, finite = learn_algo(program, algo, lanes, state, number)
         losses[algo] = {k: losses[algo][k] + jnp.where(finite, metrics[k], 0.0) for k in losses[algo]}
         ok.append(finite)
     state = state._replace(agents=agents, alive=state.alive & jnp.concatenate(ok))
@@ -30,12 +41,13 @@ def learn_rows(program: Program, lanes: LaneData, state: TrainState, tally: Tall
 
 
 def learn_algo(
-    program: Program, algo: str, lanes: LaneData, state: TrainState
+    program: Program, algo: str, lanes: LaneData, state: TrainState, number: jax.Array | int = 0
 ) -> tuple[Any, dict[str, jax.Array], jax.Array]:
     """One update of one algorithm's lanes, in cache-sized blocks; also which of them stayed finite, bool[n]."""
     update, rows = program.agents[algo].update, program.layout.slices()[algo]
     assert update is not None
     step = state.clock.astype(jnp.float32)
+    moment = state.clock * program.settings.updates + number  # as the clock, where a turn is one update
 
     def lane(args):
         agent, transitions, key, hyper, teacher_params, alive = args
@@ -46,12 +58,12 @@ def learn_algo(
         return jax.tree.map(lambda n, o: jnp.where(finite, n, o), new, agent), metrics, finite
 
     own_keys = lanes.key[rows]
-    batches = draw_batches(program, algo, state, at_step(own_keys, state.clock, Stream.BATCH))
+    batches = draw_batches(program, algo, state, at_step(own_keys, moment, Stream.BATCH))
     if algo in lanes.prior:
-        mix_keys = at_step(own_keys, state.clock, Stream.MIX)
+        mix_keys = at_step(own_keys, moment, Stream.MIX)
         batches = mix_prior(batches, lanes.prior[algo], mix_keys, lanes.hyper[algo], step)
     teacher_params = jax.tree.map(lambda x: x[rows], lanes.teachers)
-    keys = at_step(own_keys, state.clock, Stream.UPDATE)
+    keys = at_step(own_keys, moment, Stream.UPDATE)
     args = (state.agents[algo], batches, keys, lanes.hyper[algo], teacher_params, state.alive[rows])
     return blocked_map(jax.vmap(lane), args, 0 if program.wide else program.settings.update_block)
 

@@ -14,7 +14,9 @@ class TrainConfig:
     warmup: int = 1_000
     """Environment steps before the first update."""
     update_every: int = 2
-    """Vector steps (of `environments` environment steps) between two updates of the agents."""
+    """Vector steps (of `environments` environment steps) from one turn of learning to the next."""
+    updates: int = 1
+    """Updates of the agents at each turn, each from mini-batches of its own."""
     evaluate_every: int = 5_000
     """Environment steps between two evaluations of the student alone."""
     checkpoint_every: int = 25_000
@@ -27,6 +29,11 @@ class TrainConfig:
     """Lanes whose physics MJX steps together on a CPU (cache-sized); 0: all at once. The star stepper ignores it."""
     update_block: int = 4
     """Lanes that learn together on a CPU (cache-sized); 0: all at once, as on a GPU."""
+
+    @property
+    def steps_an_update(self) -> float:
+        """Environment steps of a lane to one update of its agent."""
+        return self.environments * self.update_every / self.updates
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, EnvStep
 from srl_jax.program import replay as replays
 from srl_jax.program.act import act_rows, init_world
-from srl_jax.program.learn import learn_episodes, learn_rows
+from srl_jax.program.learn import learn_episodes, take_turn
 from srl_jax.program.randomness import Stream, at_step, per_robot
 from srl_jax.program.state import AXIS, LaneData, Mode, Program, TrainState, World
 from srl_jax.program.tally import Tally, count_step
@@ -70,7 +70,7 @@ def vector_step(
         return state, tally
     turn = (clock // program.environments) % program.settings.update_every == 0
     due = mode.learn & (clock >= program.settings.warmup) & turn
-    return jax.lax.cond(due, partial(learn_rows, program, lanes), lambda s, t: (s, t), state, tally)
+    return jax.lax.cond(due, partial(take_turn, program, lanes), lambda s, t: (s, t), state, tally)
 
 
 def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:

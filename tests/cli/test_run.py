@@ -36,7 +36,7 @@ def stored(tmp_path):
     return str(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["default", "paper", "smoke"])
+@pytest.mark.parametrize("name", ["default", "paper", "robot", "smoke"])
 def test_without_options_a_run_is_its_preset(name):
     assert run.parse(["--preset", name])[1] == run.parse([f"--preset={name}"])[1] == preset(name)
 

@@ -134,7 +134,7 @@ def test_every_part_of_a_run_is_kept(tmp_path, monkeypatch):
     assert files.read_config(tmp_path) == (config, 4)
 
 
-@pytest.mark.parametrize("name", ["default", "paper", "smoke"])
+@pytest.mark.parametrize("name", ["default", "paper", "robot", "smoke"])
 def test_settings_survive_the_file(name, tmp_path):
     files.write_config(tmp_path, preset(name), 3)
     assert files.read_config(tmp_path) == (preset(name), 3)

@@ -1,5 +1,7 @@
 """Mini-batches and healthy replay: what an update is fed."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,9 @@ import pytest
 
 from srl_jax.agents.hyper import stack
 from srl_jax.agents.settings import SRLConfig
+from srl_jax.program import learn
 from srl_jax.program.learn import mix_prior
+from srl_jax.program.settings import TrainConfig
 from srl_jax.types import Transition
 
 LANES, BATCH, WIDTH = 3, 400, 5
@@ -40,3 +44,15 @@ def test_the_healthy_fraction_is_each_lanes_own_and_decays_to_zero(step, left):
     assert found[0] == 0.0 and (left > 0.0 or not found.any())
     if left == 1.0:
         assert found[2] == 1.0
+
+
+@pytest.mark.parametrize(("updates", "numbers"), [(1, 1), (4, 1 + 2 + 3 + 4)])
+def test_a_turn_is_as_many_updates_as_asked_each_with_a_number_of_its_own(updates, numbers, monkeypatch):
+    def once(program, lanes, state, tally, number=0):
+        return state + number + 1, tally + 1
+
+    monkeypatch.setattr(learn, "learn_rows", once)
+    program = SimpleNamespace(settings=TrainConfig(updates=updates))
+    state, tally = learn.take_turn(program, None, jnp.int32(0), jnp.int32(0))
+    assert (int(state), int(tally)) == (numbers, updates)
+    assert TrainConfig(updates=updates).steps_an_update == 20 / updates
