@@ -107,6 +107,10 @@ def main(args: Args) -> None:
             cells = "".join(f"{scores.interval(share):<19}" for share in shares)
             recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
             print(f"{method:<14} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
+            inside, right, count = scores.calibration(bodies, story)
+            print(
+                f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}"
+            )
             if method == args.methods[0]:
                 _found(atlas, lots, bodies, story)
             curves.setdefault(name, {})[method] = scores.curve(bodies, times, standard).tolist()

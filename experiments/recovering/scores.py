@@ -1,6 +1,7 @@
 """How robots went on: speed kept, falls, and whether the damage and the right policy were found."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -62,3 +63,21 @@ def curve(bodies: Sequence[CRobot], seconds: np.ndarray, standard: Sequence[floa
     """IQM over robots of the share kept in the `width` seconds before each second after the damage, f64[T]."""
     points = [retained(bodies, (max(second - width, 0.0), second), standard) for second in seconds]
     return np.array([iqm(kept) for kept in points])
+
+
+def calibration(bodies: Sequence[CRobot], story: Story, settle: int = 40) -> tuple[float, float, int]:
+    """Of segments that began and ended after the damage: coverage of 95 % intervals, and concordance; how many.
+
+    Concordance: of two segments of one robot, how often the one of which more was expected was worth more (AUC).
+    """
+    worth, mean, deviation = story.ended.worth, story.ended.forecast.mean, story.ended.forecast.deviation
+    inside, right = [], []
+    for i, body in enumerate(bodies):
+        rows = np.flatnonzero(np.isfinite(worth[:, i]) & np.isfinite(mean[:, i]))
+        rows = rows[rows >= body.strike + settle]
+        inside += (np.abs(worth[rows, i] - mean[rows, i]) <= 1.96 * deviation[rows, i]).tolist()
+        for first, second in combinations(rows, 2):
+            gap = mean[second, i] - mean[first, i]
+            if abs(gap) > 0.05:
+                right.append((gap > 0) == (worth[second, i] > worth[first, i]))
+    return float(np.mean(inside)) if inside else np.nan, float(np.mean(right)) if right else np.nan, len(inside)

@@ -18,7 +18,7 @@ from srl_jax.atlas.belief import Belief, Likelihood
 from srl_jax.atlas.choice import Choice, Pace
 from srl_jax.atlas.suspects import Log
 from srl_jax.atlas.tracking import Gains
-from srl_jax.atlas.trials import Trials
+from srl_jax.atlas.trials import Ended, Forecast, Trials
 from srl_jax.atlas.twins import Twins
 from srl_jax.env import hexapod
 from srl_jax.env import senses as feeling
@@ -96,7 +96,8 @@ class Memory(NamedTuple):
     belief: Belief
     choice: Choice
     trials: Trials
-    disappointed: jax.Array  # bool[] whether a segment has just ended that was worth far less than was expected
+    forecast: Forecast  # of the running segment
+    ended: Ended
     action: jax.Array  # f32[18] the last one
     phase: jax.Array  # f32[] of the gait's clock
     key: jax.Array
@@ -121,12 +122,15 @@ class Mind:
         """Before the first step: healthy, and walking as the healthy do."""
         known, scope = widened(known, scope)
         best = jnp.argmax(jnp.where(scope.policies, known.value[:, 0], -jnp.inf)).astype(jnp.int32)
+        nothing = jnp.float32(jnp.nan)
+        unknown = Forecast(nothing, nothing)
         return Memory(
             states=tracking.at_rest(self.robot, len(scope.damages)),
             belief=beliefs.prior(beliefs.even(scope.damages)),
             choice=Choice(best, jnp.int32(0), jnp.float32(jnp.nan)),
             trials=trial.none(self.settings.room),
-            disappointed=jnp.bool_(False),
+            forecast=unknown,
+            ended=Ended(nothing, unknown, jnp.bool_(False)),
             action=jnp.zeros(hexapod.ACTION_SIZE),
             phase=jax.random.uniform(key),
             key=key,
@@ -137,12 +141,12 @@ class Mind:
         known, scope = widened(known, scope)
         key, choice_key = jax.random.split(memory.key)
         states, belief = self.doubt(known, scope, memory, senses)
-        choice, trials, disappointed = self.choose(known, scope, memory, belief, senses, choice_key)
+        choice, trials, forecast, ended = self.choose(known, scope, memory, belief, senses, choice_key)
         actor = jax.tree.map(lambda leaf: leaf[choice.policy], known.actors)
         seen = feeling.observation(senses, memory.phase, task=self.task, kind=self.observation)
         action = behaviour.policy(actor, seen, config=self.network)
         phase = jnp.mod(memory.phase + self.clock_hz / CONTROL_HZ, 1.0)
-        return Memory(states, belief, choice, trials, disappointed, action, phase, key)
+        return Memory(states, belief, choice, trials, forecast, ended, action, phase, key)
 
     def doubt(self, known: Knowledge, scope: Scope, memory: Memory, senses: Senses) -> tuple[EnvState, Belief]:
         """The hypotheses' robots after the last action, and the belief that they leave."""
@@ -163,8 +167,8 @@ class Mind:
 
     def choose(
         self, known: Knowledge, scope: Scope, memory: Memory, belief: Belief, senses: Senses, key: jax.Array
-    ) -> tuple[Choice, Trials, jax.Array]:
-        """Who walks on, what has been tried, and whether that was far worse than expected."""
+    ) -> tuple[Choice, Trials, Forecast, Ended]:
+        """Who walks on and what that is expected to be worth, what has been tried, and how it ended."""
         pace, prior = self.settings.pace, self.settings.prior
         choice, over, walked = choices.segment(memory.choice, jnp.asarray(senses.come), pace)
         tipping = (-senses.gravity[2] < pace.tipping) & (choice.held > pace.settle)
@@ -181,9 +185,12 @@ class Mind:
         proposed = choices.proposals(mean, draw, likeliest, scope.policies, any_key)[scope.rule]
         open_minded = (belief.log[-1] < HALF) | (trials.count == 0)
         own = choices.decide(choice, over, proposed, mean, scope.policies, open_minded, pace)
+        own = own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told))
         hoped = expected.mean[choice.policy]
-        disappointed = (worth < self.settings.poor * hoped) & (hoped > pace.margin) & (belief.log[-1] < HALF)
-        return own._replace(policy=jnp.where(scope.told < 0, own.policy, scope.told)), trials, disappointed
+        poor = (worth < self.settings.poor * hoped) & (hoped > pace.margin) & (belief.log[-1] < HALF)
+        begun = Forecast(mean[own.policy], trial.deviation(expected, trials, own.policy, prior))
+        forecast = jax.tree.map(lambda new, old: jnp.where(own.held == 0, new, old), begun, memory.forecast)
+        return own, trials, forecast, Ended(worth, memory.forecast, poor)
 
     def imagine(self, known: Knowledge, actors: Params, damage: Damage, key: jax.Array) -> jax.Array:
         """What policies [K, ...] would be worth under a damage, f32[K]: all of them walk in its simulation."""

@@ -16,6 +16,7 @@ from srl_jax.atlas.lessons import COURSE, Course, Learn, School
 from srl_jax.atlas.mind import DEFAULT, Knowledge, Memory, Mind, Scope, Settings
 from srl_jax.atlas.robots import Robot
 from srl_jax.atlas.suspects import Log
+from srl_jax.atlas.trials import Ended
 from srl_jax.atlas.twins import Composer
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
@@ -31,6 +32,7 @@ class Story(NamedTuple):
     log_belief: np.ndarray  # f32[T, N, D + 1] when they chose the action of step t
     policy: np.ndarray  # i32[T, N]
     action: np.ndarray  # f32[T, N, 18]
+    ended: Ended  # leaves [T, N]: the segments that ended before step t, what they were worth and were expected to be
     twins: list[list[str]]  # of every robot: the damages that it has put together; policies from I on are theirs
 
 
@@ -159,13 +161,13 @@ def run(
         scope_rows, felt = _stacked(now), _stacked(senses)
         memory = _think(known, scope_rows, memory, felt, mind=mind)
         if compose:
-            for number in {*np.flatnonzero(memory.disappointed).tolist(), *composer.unsure}:
+            for number in {*np.flatnonzero(memory.ended.disappointing).tolist(), *composer.unsure}:
                 composer.revise(number, *_again(known, scope_rows, memory, felt, number, mind=mind))
-        told.append(jax.device_get((memory.belief.log, memory.choice.policy, memory.action)))
+        told.append(jax.device_get((memory.belief.log, memory.choice.policy, memory.action, memory.ended)))
         watch(memory, composer)
         senses = [robot.step(action) for robot, action in zip(robots, told[-1][2], strict=True)]
-    log_belief, policy, action = (np.stack(part) for part in zip(*told, strict=True))
-    return Story(log_belief, policy, action, composer.added)
+    log_belief, policy, action, ended = jax.tree.map(lambda *rows: np.stack(rows), *told)
+    return Story(log_belief, policy, action, ended, composer.added)
 
 
 def _compose(
@@ -174,7 +176,7 @@ def _compose(
     step: int,
     scopes: Sequence[Scope],
     senses: Sequence[Senses],
-    told: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    told: Sequence[tuple],
 ) -> None:
     """What the robots add to their atlas before a control step, by what they believed at the last one."""
     for number, (own, felt) in enumerate(zip(scopes, senses, strict=True)):

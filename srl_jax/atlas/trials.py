@@ -38,6 +38,21 @@ class Trials(NamedTuple):
     count: jax.Array  # i32[]
 
 
+class Forecast(NamedTuple):
+    """What a segment will be worth, as shares of the healthy speed: normal."""
+
+    mean: jax.Array  # f32[]
+    deviation: jax.Array  # f32[]
+
+
+class Ended(NamedTuple):
+    """The segment that has just ended; none has where its worth is NaN."""
+
+    worth: jax.Array  # f32[] share of the healthy speed
+    forecast: Forecast  # when it began
+    disappointing: jax.Array  # bool[] whether it was worth far less than the policy is held to be
+
+
 def none(room: int) -> Trials:
     """No segment yet, and room for so many."""
     return Trials(jnp.zeros(room, jnp.int32), jnp.zeros(room), jnp.zeros((), jnp.int32))
@@ -90,18 +105,40 @@ def update(worth: Worth, trials: Trials, start: jax.Array, noise: jax.Array, pri
         noise: f32[K] standard normal, or zeros.
         prior: settings.
     """
+    seen = _seen(worth, trials, prior)
+    surprise = jnp.where(seen.valid, trials.worth - start[trials.policy] - seen.noise * noise, 0.0)
+    told = jnp.where(seen.valid, cho_solve((jnp.linalg.cholesky(seen.covariance), True), surprise), 0.0)
+    alone = jnp.zeros(len(start)).at[trials.policy].add(told)
+    return start + dot(worth.factor, dot(seen.rows.T, told)) + jnp.square(worth.own) * alone
+
+
+class _Seen(NamedTuple):
+    """The K segments as observations."""
+
+    valid: jax.Array  # bool[K]
+    noise: jax.Array  # f32[K] standard deviation
+    rows: jax.Array  # f32[K, 2 D] of the factor
+    covariance: jax.Array  # f32[K, K] of what was observed, noise included
+
+
+def _seen(worth: Worth, trials: Trials, prior: Prior) -> _Seen:
     room = len(trials.policy)
     age = jnp.arange(room - 1, -1, -1.0)
     valid = age < trials.count
-    deviation = prior.noise * jnp.sqrt(jnp.exp2(age / prior.memory))
+    noise = prior.noise * jnp.sqrt(jnp.exp2(age / prior.memory))
     rows = worth.factor[trials.policy]
     same = trials.policy[:, None] == trials.policy[None]
     inner = dot(rows, rows.T) + jnp.square(worth.own)[trials.policy][:, None] * same
-    inner = jnp.where(valid[:, None] & valid[None], inner, 0.0) + jnp.diag(jnp.where(valid, deviation**2, 1.0))
-    surprise = jnp.where(valid, trials.worth - start[trials.policy] - deviation * noise, 0.0)
-    told = jnp.where(valid, cho_solve((jnp.linalg.cholesky(inner), True), surprise), 0.0)
-    alone = jnp.zeros(len(start)).at[trials.policy].add(told)
-    return start + dot(worth.factor, dot(rows.T, told)) + jnp.square(worth.own) * alone
+    inner = jnp.where(valid[:, None] & valid[None], inner, 0.0) + jnp.diag(jnp.where(valid, noise**2, 1.0))
+    return _Seen(valid, noise, rows, inner)
+
+
+def deviation(worth: Worth, trials: Trials, policy: jax.Array, prior: Prior = PRIOR) -> jax.Array:
+    """Standard deviation f32[] of what the next segment of one policy will show, noise included."""
+    seen, row, own = _seen(worth, trials, prior), worth.factor[policy], jnp.square(worth.own[policy])
+    shared = jnp.where(seen.valid, dot(seen.rows, row) + own * (trials.policy == policy), 0.0)
+    known = dot(shared, cho_solve((jnp.linalg.cholesky(seen.covariance), True), shared))
+    return jnp.sqrt(jnp.maximum(dot(row, row) + own - known, 0.0) + prior.noise**2)
 
 
 def mean(worth: Worth, trials: Trials, prior: Prior = PRIOR) -> jax.Array:

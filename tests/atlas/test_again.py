@@ -59,10 +59,11 @@ def test_it_is_disappointed_by_a_segment_that_was_worth_far_less_than_it_hoped(t
     pace = mind.settings.pace
     walked = memory._replace(choice=Choice(jnp.int32(3), jnp.int32(pace.hold - 1), jnp.float32(0.0)))
     felt = senses._replace(come=np.float32(come))
-    _, trials, disappointed = mind.choose(*wide, walked, memory.belief, felt, jax.random.key(1))
-    assert bool(disappointed) == expected and int(trials.count) == int(memory.trials.count) + 1
+    _, trials, _, ended = mind.choose(*wide, walked, memory.belief, felt, jax.random.key(1))
+    assert bool(ended.disappointing) == expected and int(trials.count) == int(memory.trials.count) + 1
     begun = memory._replace(choice=Choice(jnp.int32(3), jnp.int32(3), jnp.float32(0.0)))
-    assert not bool(mind.choose(*wide, begun, memory.belief, felt, jax.random.key(1))[2]), "no segment is over"
+    running = mind.choose(*wide, begun, memory.belief, felt, jax.random.key(1))[3]
+    assert not bool(running.disappointing) and np.isnan(running.worth), "no segment is over"
 
 
 def test_what_it_thought_again_replaces_one_column(atlas, thought):

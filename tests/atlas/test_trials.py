@@ -47,6 +47,16 @@ def test_the_mean_is_the_textbooks(seen):
     np.testing.assert_allclose(trial.mean(worth, recorded(seen), PRIOR), written_out(seen)[0], atol=1e-4)
 
 
+@pytest.mark.parametrize("seen", [[], [(0, 0.1), (2, 0.8), (0, 0.3)]])
+def test_the_deviation_of_what_comes_next_is_the_textbooks_with_noise(seen):
+    worth = trial.expect(STRANGE, MATRIX, PRIOR, learned=1)
+    covariance = written_out(seen)[1]
+    for policy in range(3):
+        expected = np.sqrt(covariance[policy, policy] + PRIOR.noise**2)
+        found = trial.deviation(worth, recorded(seen), jnp.int32(policy), PRIOR)
+        np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
 def test_a_trial_speaks_of_those_that_are_alike():
     worth = trial.expect(STRANGE, MATRIX, PRIOR, learned=1)
     bad = trial.mean(worth, recorded([(0, -0.3)]), PRIOR) - worth.mean
