@@ -63,7 +63,9 @@ def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
 
 
 def test_lanes_that_do_not_fit_are_trained_in_waves(smoke_run, tmp_path):
-    config = preset("smoke")
+    base = preset("smoke")
+    short = dataclasses.replace(base.train, evaluate_every=160, checkpoint_every=160)
+    config = dataclasses.replace(base, steps=160, train=short)
     half = [lane for lane in plan.make(config).lanes if lane.seed == 0]
     config = dataclasses.replace(config, memory_gb=sum(memory.needed(config, half, 1)) / 2**30)
     notes, directory = [], tmp_path / "waves"
@@ -71,10 +73,10 @@ def test_lanes_that_do_not_fit_are_trained_in_waves(smoke_run, tmp_path):
     assert summary is not None and "in 2 waves of 2 lanes" in notes[0]
     assert summary["machine"]["waves"] == 2 and summary["machine"]["lanes"] == 4
     ours, theirs = numbers(directory), numbers(smoke_run[0])
-    assert ours.keys() == theirs.keys()
-    for key, value in theirs.items():
-        if key[0] == "0":  # later, other widths round differently, and robots part
-            np.testing.assert_allclose(ours[key], value, rtol=1e-3, atol=1e-3, err_msg=str(key))
+    begun = {key: value for key, value in theirs.items() if key[0] == "0"}
+    assert begun.keys() <= ours.keys() and len(ours) > len(begun)
+    for key, value in begun.items():  # later, other widths round differently, and robots part
+        np.testing.assert_allclose(ours[key], value, rtol=1e-3, atol=1e-3, err_msg=str(key))
     shutil.rmtree(directory / "wave-2")
     (directory / "summary.json").unlink()
     again = run(config, directory, 1, resume=True)
