@@ -1,8 +1,7 @@
 """Where a policy must take over: robots that were walking when their damage struck, as starts of episodes.
 
 A healthy robot walks by the tripod for half a second to two, its damage strikes, and the tripod goes on for up to a
-second, as a robot would that does not yet know. What comes of it, at any phase and crouched, is kept, and turned away
-from where it was going: a lame robot turns, and whoever takes over must bring it back.
+second, as a robot would that does not yet know. What comes of it, at any phase, turned and crouched, is kept.
 """
 
 from functools import partial
@@ -19,13 +18,12 @@ from srl_jax.program.state import tuned_tripod
 COUNT = 32  # of every row
 WALK = (10, 40)  # control steps before the damage strikes
 UNAWARE = 20  # control steps at most that the tripod goes on after it
-TURN = 1.2  # rad at most, to either side, that it is turned away
 TAKE, PICK = 2, 3  # of a robot's key: whether it starts in mid-stride, and from which
 
 
 def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:
     """One robot, at the origin, some time after its damage has struck in mid-stride; a standing one where it fell."""
-    reset_key, walk_key, unaware_key, turn_key = jax.random.split(key, 4)
+    reset_key, walk_key, unaware_key = jax.random.split(key, 3)
     struck = jax.random.randint(walk_key, (), *WALK)
     end = struck + jax.random.randint(unaware_key, (), 0, UNAWARE + 1)
     healthy = jax.tree.map(jnp.asarray, damages.build(damage_names.HEALTHY))
@@ -41,7 +39,7 @@ def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:
 
     walked, upright = jax.lax.fori_loop(0, WALK[1] + UNAWARE, advance, (begun, jnp.bool_(True)))
     upright &= jnp.isfinite(walked.qpos).all() & jnp.isfinite(walked.qvel).all()
-    walked = turned(walked, jax.random.uniform(turn_key, minval=-TURN, maxval=TURN))
+    walked = walked._replace(qpos=walked.qpos.at[:2].set(0.0))
     return jax.tree.map(lambda old, new: jnp.where(upright, new, old), standing, walked)
 
 
