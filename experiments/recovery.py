@@ -45,8 +45,11 @@ class Args:
     """Damages every robot in mid-stride, and measures how it goes on."""
 
     atlas: tyro.conf.Positional[Path]
-    rows: tuple[str, ...] = ("foreseen", "left-out")  # of ROWS
+    rows: tuple[str, ...] = ("foreseen", "left-out")
+    """Of foreseen, catalogue, left-out, pairs, triples, faults, kinds, weak, locks, short, dynamics, delay, lost, and
+    healthy."""
     methods: tuple[str, ...] = ("learning", "posterior", "oracle", "nearest", "trials", "uniform", "healthy")
+    """Of these, thompson and foreseen-only."""
     robots: int = 63  # of each row
     seconds: float = 10.0  # after the damage; from 20 on, the last ten are shown too
     out: str = ""  # file for every robot's numbers (JSON)
@@ -124,7 +127,7 @@ def main(args: Args) -> None:
 
 def _walk(atlas: Atlas, method: str, lots, bodies, seconds: float, apprentice: Apprentice | None):
     how = METHODS[method]
-    learn = apprentice.learn if how.learns and apprentice else None
+    learn = apprentice.learn if how.learns and apprentice else False
     each = scopes(atlas, how, lots, bodies)
     return recovery.run(atlas, bodies, seconds=seconds, scopes=each, compose=how.composes, learn=learn)
 

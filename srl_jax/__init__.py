@@ -6,7 +6,7 @@ The public modules, imported on first use, so that the command line can set devi
     agents.ddpg, agents.srl                init, act, update: pure functions that know no robot
     bayes.dropout, .thompson, .controller  the critic as a posterior, and decisions from it
     program.replay, .step, evaluate        memory, the one compiled program, rollouts of a student
-    atlas.file, .recovery                  policies made before the damage; a robot that finds out and walks on
+    atlas.file, .recovery                  policies made before the damage; a robot that finds out, walks on and learns
 """
 
 from importlib import import_module

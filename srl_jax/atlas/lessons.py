@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 
 import jax
 import numpy as np
 
 from srl_jax.atlas import twins
+from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.twins import Composer
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ
@@ -16,6 +18,21 @@ SURE = 0.9  # probability of a damage from which on it is worth learning for
 LASTING = 10  # control steps for which it must have been that probable
 
 Learn = Callable[[str, Params, tuple[int, ...]], Iterator[Params]]  # damage, policy to start from, stages -> actors
+
+
+APPRENTICE = "srl_jax.job.apprentice"  # imported when something is first to be learned: it trains
+
+
+def by_srl(atlas: Atlas) -> Learn:
+    """SRL in the twin; nothing is imported or compiled before the first lesson."""
+    made: list[Learn] = []
+
+    def learn(damage: str, policy: Params, steps: tuple[int, ...]) -> Iterator[Params]:
+        if not made:
+            made.append(import_module(APPRENTICE).Apprentice(atlas).learn)
+        return made[0](damage, policy, steps)
+
+    return learn
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from srl_jax.atlas import choice as choices
 from srl_jax.atlas import twins
 from srl_jax.atlas.belief import Likelihood
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.lessons import COURSE, Course, Learn, School
+from srl_jax.atlas.lessons import COURSE, Course, Learn, School, by_srl
 from srl_jax.atlas.mind import DEFAULT, Knowledge, Memory, Mind, Scope, Settings
 from srl_jax.atlas.robots import Robot
 from srl_jax.atlas.suspects import Log
@@ -117,7 +117,7 @@ def run(
     settings: Settings = DEFAULT,
     scopes: Callable[[int], Sequence[Scope]] | None = None,
     compose: bool = True,
-    learn: Learn | None = None,
+    learn: Learn | bool = True,
     course: Course = COURSE,
     seed: int = 0,
     watch: Callable[[Memory, Composer], None] = lambda memory, composer: None,
@@ -131,7 +131,7 @@ def run(
         settings: how they doubt and choose.
         scopes: what each may use of the atlas at a control step; all of it unless told otherwise.
         compose: whether they may put damages together (`twins`).
-        learn: how policies are learned for those (`job.apprentice`); None: they are not.
+        learn: whether policies are learned for those, by SRL in their simulation, or how.
         course: how much is learned, and the robot time that it takes.
         seed: of their draws.
         watch: is shown what they think at every control step, and what each has put together.
@@ -151,7 +151,8 @@ def run(
         explain=lambda damage, log: np.asarray(_explain(known, damage, log, mind=mind)),
         twins=[own.twins for own in every(0)],
     )
-    school = School(learn, imagine, atlas.actors, course) if learn else None
+    how = by_srl(atlas) if learn is True else learn
+    school = School(how, imagine, atlas.actors, course) if how else None
     senses, told = [robot.reset() for robot in robots], []
     for step in range(round(seconds * CONTROL_HZ)):
         now = every(step)

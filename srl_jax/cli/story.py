@@ -10,14 +10,13 @@ import numpy as np
 
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.lessons import Learn
+from srl_jax.atlas.lessons import Learn, by_srl
 from srl_jax.atlas.mind import Memory
 from srl_jax.atlas.recovery import Story
 from srl_jax.atlas.robots import CRobot, MjxRobot, World
 from srl_jax.atlas.twins import ROOM, Composer
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ
-from srl_jax.job.apprentice import Apprentice
 from srl_jax.report import recovery as pictures
 from srl_jax.report.recovery import Walker
 from srl_jax.types import Params
@@ -72,7 +71,7 @@ def tell(
 
     healthy = int(np.argmax(known.value[:, 0]))
     scopes = [recovery.scope(known, held_out, rule=rule), recovery.scope(known, told=healthy)]
-    lessons = partial(_learn, Apprentice(known).learn) if learn else None
+    lessons = partial(_learn, by_srl(known)) if learn else False
     story = recovery.run(
         known, [robot, unaware], seconds=seconds, scopes=lambda _: scopes, learn=lessons, seed=seed, watch=watch
     )

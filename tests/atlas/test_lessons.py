@@ -1,5 +1,7 @@
 """When a robot learns for a damage that it has put together, and what it does with that."""
 
+from types import SimpleNamespace
+
 import jax
 import numpy as np
 
@@ -86,3 +88,21 @@ def test_a_learned_policy_is_trusted_under_its_own_damage_alone(atlas):
     assert reach.policies.tolist() == [True] * policies + [True, False, False]
     assert reach.damages.tolist() == [True] * damages + [True, False, False]
     assert {len(leaf) for leaf in jax.tree.leaves(wide.actors)} == {policies + twins.ROOM}
+
+
+def test_nothing_is_made_ready_before_the_first_lesson(atlas, monkeypatch):
+    made = []
+
+    class Apprentice:
+        def __init__(self, own):
+            made.append(own)
+
+        def learn(self, damage, policy, steps):
+            yield from (f"{damage} after {step}" for step in steps)
+
+    monkeypatch.setattr(lessons, "import_module", lambda name: SimpleNamespace(Apprentice=Apprentice))
+    learn = lessons.by_srl(atlas)
+    assert made == []
+    assert list(learn("leg_rm", {}, (10, 20))) == ["leg_rm after 10", "leg_rm after 20"]
+    list(learn("leg_rf", {}, (10,)))
+    assert len(made) == 1 and made[0] is atlas
