@@ -108,7 +108,8 @@ def _learn(learn: Learn, damage: str, policy: Params, steps: tuple[int, ...]) ->
     print(f"       (learns for {damage} in its simulation, which walks on elsewhere meanwhile)", flush=True)
     began = perf_counter()
     for count, actor in zip(steps, learn(damage, policy, steps), strict=True):
-        print(f"       ({count:,} environment steps: {perf_counter() - began:.1f} s of computing)", flush=True)
+        spent = perf_counter() - began
+        print(f"       ({count:,} environment steps after {spent:.1f} s, compiling included)", flush=True)
         yield actor
 
 
