@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from srl_jax.atlas import file
+from srl_jax.atlas.matrix import Walked
 from srl_jax.config import preset
 from srl_jax.env.settings import EnvConfig
 from srl_jax.job import atlas_teacher, teachers
@@ -43,13 +44,17 @@ def test_every_lane_has_the_best_policy_for_its_damage(atlas, path, kind, best):
 
 
 def test_what_the_matrix_lacks_is_walked_in_simulation(atlas, path, monkeypatch):
-    monkeypatch.setattr(atlas_teacher, "WALKS", 1)
-    monkeypatch.setattr(atlas_teacher, "STEPS", 5)
-    made = config(behaviour=f"atlas:{path}")
-    column = atlas_teacher._judged(file.load(path), "leg_lm+tibia_rf:weak=0.5", made)
-    (teacher,) = teachers.load(made, path.parent, lambda *_: True)
-    found = weights(teacher, ["leg_lm+tibia_rf:weak=0.5"])
-    np.testing.assert_array_equal(found[0], jax.tree.leaves(atlas.actors)[0][np.argmax(column)])
+    asked = []
+
+    def measure(robot, actors, own, key, **how):
+        asked.append((robot.task, own.body_mass.shape, len(jax.tree.leaves(actors)[0]), how["config"].hidden))
+        return Walked(np.float32([[3], [4], [9], [5]]), np.float32([[0], [0], [1], [0]]))  # the third falls
+
+    monkeypatch.setattr(atlas_teacher.matrix, "measure", measure)
+    (teacher,) = teachers.load(config(behaviour=f"atlas:{path}"), path.parent, lambda *_: True)
+    found = weights(teacher, ["leg_lm+tibia_rf:weak=0.5"] * 2)
+    np.testing.assert_array_equal(found, jax.tree.leaves(atlas.actors)[0][[3, 3]])
+    assert asked == [("x", (1, 20), 4, (8, 8))], "once for all lanes of a damage"
 
 
 @pytest.mark.parametrize(

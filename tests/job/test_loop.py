@@ -10,6 +10,7 @@ import numpy as np
 from srl_jax.config import preset
 from srl_jax.job import memory, plan
 from srl_jax.job.run import run
+from srl_jax.program.settings import EvaluationConfig
 from tests.job.finished import numbers
 
 FILES = {"config.json", "lanes.csv", "metrics.csv", "summary.json", "curves.png", "checkpoints", "videos"}
@@ -40,10 +41,11 @@ def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
         base,
         seeds="1",
         algos="tripod,srl",
-        steps=800,
+        steps=400,
         behaviour="train",
-        damage_schedule="healthy@0,leg_rm@400",
-        train=dataclasses.replace(base.train, evaluate_every=400),
+        damage_schedule="healthy@0,leg_rm@200",
+        train=dataclasses.replace(base.train, evaluate_every=200, checkpoint_every=400),
+        evaluation=EvaluationConfig(episodes=2),
         srl=dataclasses.replace(base.srl, critic_lr=(1e-3, 1e38)),
     )
     directory = tmp_path / "run"
@@ -56,7 +58,7 @@ def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
     assert list((directory / "videos").glob("*-leg_rm-*.mp4"))
     found = numbers(directory)
     stages = {step for step, _, metric in found if metric == "teacher/return"}
-    assert stages == {"0", "400"}, "pi_B is measured under every stage of the damage"
+    assert stages == {"0", "200"}, "pi_B is measured under every stage of the damage"
     tripod, learned = (found["0", lane, "healthy/return"] for lane in ("0", "1"))
     assert tripod != learned, "the tripod's own healthy robot walks by the tripod"
     assert found["0", "0", "reference/return"] == found["0", "1", "reference/return"] == tripod
@@ -80,4 +82,5 @@ def test_lanes_that_do_not_fit_are_trained_in_waves(smoke_run, tmp_path):
     shutil.rmtree(directory / "wave-2")
     (directory / "summary.json").unlink()
     again = run(config, directory, 1, resume=True)
-    assert again is not None and numbers(directory) == ours
+    assert again is not None
+    np.testing.assert_equal(numbers(directory), ours)  # NaN where no episode has ended yet

@@ -56,7 +56,7 @@ def body(star: Star, model: Model) -> Body:
         contact_weight=tuple(by_link(weights, s.bodies[None], filler=1.0)[0] for s in star.spheres),
         gain=by_link(leaf("actuator_gainprm")[:, 0], ids.actuator),
         bias=jnp.moveaxis(by_link(leaf("actuator_biasprm")[:, :3], ids.actuator), 2, 1),
-        torque=jnp.moveaxis(jnp.where(star.limited[..., None], torque, NO_LIMITS), 2, 1),
+        torque=jnp.moveaxis(jnp.where(star.limited[..., None], torque, jnp.asarray(NO_LIMITS, torque.dtype)), 2, 1),
     )
 
 
