@@ -23,7 +23,7 @@ def save(path: Path, seconds: np.ndarray, curves: Mapping[str, Mapping[str, Sequ
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        width = min(len(curves), 3)
+        width = min(len(curves), 2 if len(curves) in (2, 4) else 3)
         height = -(-len(curves) // width)
         figure = Figure(figsize=(4.2 * width, 3.1 * height + 0.5), layout="constrained")
         axes = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
