@@ -118,6 +118,10 @@ def main(args: Args) -> None:
                 _found(atlas, lots, bodies, story)
             curves.setdefault(name, {})[method] = scores.curve(bodies, times, standard).tolist()
             kept.setdefault(name, {})[method] = [share.round(4).tolist() for share in shares]
+        first, *others = (np.array(shares[-1]) for shares in kept[name].values())
+        won = [f"{m} {scores.better(first, s)}" for m, s in zip(args.methods[1:], others, strict=True)]
+        if won:
+            print(f"  {args.methods[0]} kept more than {', '.join(won)}")
     if args.out:
         about = {"atlas": atlas.about, "windows": windows, "times": times.tolist()}
         Path(args.out).write_text(json.dumps(about | {"retained": kept, "curves": curves}))

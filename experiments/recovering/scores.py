@@ -34,6 +34,13 @@ def interval(shares: np.ndarray) -> str:
     return f"{iqm(shares):.2f} [{low:.2f}, {high:.2f}]"
 
 
+def better(x: np.ndarray, y: np.ndarray) -> str:
+    """Share of robots that kept more by one method than by another, and its 95 % interval; the same robots."""
+    won = np.where(x == y, 0.5, x > y)[:, None]
+    low, high = stratified_interval(won, np.mean)
+    return f"{np.mean(won):.2f} [{low:.2f}, {high:.2f}]"
+
+
 def named(atlas: Atlas, lots: Sequence[Case], bodies: Sequence[CRobot], story: Story, seconds: float) -> tuple:
     """How often the damage was thought of first, and how often a policy as good as the best usable one walked.
 

@@ -40,6 +40,11 @@ def test_shares_are_of_each_ones_own_standard_and_a_fall_keeps_nothing():
     assert scores.interval(np.array([1.0, 0.5, 0.5, 0.0])).startswith("0.50 [")
 
 
+def test_methods_are_compared_robot_by_robot():
+    first, second = np.array([1.0, 0.5, 0.7, 0.2]), np.array([0.9, 0.5, 0.1, 0.0])
+    assert scores.better(first, second).startswith("0.88 [") and scores.better(first, first) == "0.50 [0.50, 0.50]"
+
+
 def told(worths, means, deviations, strike=20):
     """A story of one robot whose segments end every 30 steps."""
     steps = strike + 60 + 30 * len(worths)

@@ -27,7 +27,7 @@ WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "pendulum": "--algo srl --seeds 2 --steps 8",
     "physics_error": "--episodes 1",
     "posterior_quality": "--problems 2 --members 2 --rates 0.1 --updates 4 --out OUT",
-    "recovery": "ATLAS --rows pairs --methods posterior trials --robots 2 --seconds 2 --figure OUT",
+    "recovery": "ATLAS --rows pairs --methods posterior trials --robots 6 --seconds 2 --figure OUT",
     "render_robot": "--width 40 --height 30 --oversample 1 --painter plain --path OUT",
     "robot_posterior": "RUN --seeds 2 --robots 1 --visits 2 --horizon 4 --draws 20",
     "self_model": "--damages tibia_rm,leg_rm --motions 2 --probes 1 --steps 3 --seeds 2 --out OUT",
