@@ -10,7 +10,6 @@ from srl_jax.atlas import recovery
 from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.mind import Scope
 from srl_jax.atlas.robots import CRobot
-from srl_jax.env import damage as damages
 
 
 class Method(NamedTuple):
@@ -47,19 +46,11 @@ def scopes(
         own = recovery.scope(atlas, case.without, rule=method.rule)
         before = own._replace(told=np.array(healthy if method.knows else -1))
         told = {"": -1, "healthy": healthy}.get(method.knows)
-        told = best(atlas, case.damage, own) if told is None else told
+        if told is None:
+            told = int(np.argmax(np.where(own.policies, recovery.worth(atlas, case.damage), -np.inf)))
         each.append((before, own._replace(told=np.array(told), blind=np.array(method.blind))))
 
     def at(step: int) -> list[Scope]:
         return [pair[step >= body.strike] for pair, body in zip(each, bodies, strict=True)]
 
     return at
-
-
-def best(atlas: Atlas, damage: str, own: Scope) -> int:
-    """The policy that a robot may use and that is worth most under a damage, in its simulation."""
-    if damage in atlas.damages:
-        column = atlas.value[:, atlas.damages.index(damage)]
-    else:
-        column = recovery.imagined(atlas, damages.build(damage))
-    return int(np.argmax(np.where(own.policies, column, -np.inf)))

@@ -80,10 +80,11 @@ def knowledge(atlas: Atlas) -> Knowledge:
     )
 
 
-def imagined(atlas: Atlas, damage: Damage) -> np.ndarray:
-    """What every policy of an atlas would be worth under any damage, f32[I]: all of them walk in its simulation."""
-    known = knowledge(atlas)
-    own = jax.tree.map(jnp.asarray, damage)
+def worth(atlas: Atlas, damage: str) -> np.ndarray:
+    """What every policy of an atlas is worth under any damage, f32[I]: by the matrix, else all walk in its simulation."""
+    if damage in atlas.damages:
+        return atlas.value[:, atlas.damages.index(damage)]
+    known, own = knowledge(atlas), jax.tree.map(jnp.asarray, damages.build(damage))
     return np.asarray(_imagine(known, known.actors, own, mind=mind_of(atlas)))
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -100,7 +100,7 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
             teachers.append(scripted_gait())
             continue
         if atlas_teacher.named(name):
-            teachers.append(Behaviour(*atlas_teacher.parameters(name, config)))
+            teachers.append(from_atlas(name, config))
             continue
         path, made = Path(name), MADE.get(name)
         if made:
@@ -165,3 +165,16 @@ def from_trials(path: Path) -> Behaviour:
         return jax.tree.map(lambda x: x[index], networks["actor"])
 
     return Behaviour(agent.policy, params, float(gaits.load().frequency))
+
+
+def from_atlas(name: str, config: Config) -> Behaviour:
+    """For every lane the policy of an atlas that is best under its damage; errors as `atlas_teacher.load`."""
+    atlas = atlas_teacher.load(name, config)
+    choose = cache(partial(atlas_teacher.best, name, atlas))
+
+    def params(lanes: Sequence[Lane]) -> Params:
+        index = np.array([choose(lane.damage) for lane in lanes])
+        return jax.tree.map(lambda leaf: leaf[index], atlas.actors)
+
+    apply = partial(behaviours.policy, config=atlas.network)
+    return Behaviour(apply, params, float(atlas.about["clock_hz"]), atlas.network.architecture)

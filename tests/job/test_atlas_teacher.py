@@ -6,11 +6,10 @@ import jax
 import numpy as np
 import pytest
 
-from srl_jax.atlas import file
-from srl_jax.atlas.matrix import Walked
+from srl_jax.atlas import file, recovery
 from srl_jax.config import preset
 from srl_jax.env.settings import EnvConfig
-from srl_jax.job import atlas_teacher, teachers
+from srl_jax.job import teachers
 from srl_jax.program.lanes import Lane
 
 
@@ -48,18 +47,18 @@ def test_every_lane_has_the_best_policy_for_its_damage(atlas, path, kind, best):
     assert teacher.architecture == ((8, 8), True)
 
 
-def test_what_the_matrix_lacks_is_walked_in_simulation(atlas, path, monkeypatch):
+def test_what_the_matrix_lacks_is_walked_in_simulation_once_for_all_lanes_of_a_damage(atlas, path, monkeypatch):
     asked = []
 
-    def measure(robot, actors, own, key, **how):
-        asked.append((robot.task, own.body_mass.shape, len(jax.tree.leaves(actors)[0]), how["config"].hidden))
-        return Walked(np.float32([[3], [4], [9], [5]]), np.float32([[0], [0], [1], [0]]))  # the third falls
+    def imagine(known, actors, own, *, mind):
+        asked.append((mind.task, own.body_mass.shape, len(jax.tree.leaves(actors)[0])))
+        return np.float32([3, 4, 0, 5])
 
-    monkeypatch.setattr(atlas_teacher.matrix, "measure", measure)
+    monkeypatch.setattr(recovery, "_imagine", imagine)
     (teacher,) = teachers.load(config(behaviour=f"atlas:{path}"), path.parent, lambda *_: True)
     found = weights(teacher, ["leg_lm+tibia_rf:weak=0.5"] * 2)
     np.testing.assert_array_equal(found, telling(atlas.actors)[[3, 3]])
-    assert asked == [("x", (1, 20), 4, (8, 8))], "once for all lanes of a damage"
+    assert asked == [("x", (20,), 4)]
 
 
 @pytest.mark.parametrize(
