@@ -81,7 +81,7 @@ def knowledge(atlas: Atlas) -> Knowledge:
 
 
 def worth(atlas: Atlas, damage: str) -> np.ndarray:
-    """What every policy of an atlas is worth under any damage, f32[I]: by the matrix, else all walk in its simulation."""
+    """What policies of an atlas are worth under any damage, f32[I]: by the matrix, else all walk in its simulation."""
     if damage in atlas.damages:
         return atlas.value[:, atlas.damages.index(damage)]
     known, own = knowledge(atlas), jax.tree.map(jnp.asarray, damages.build(damage))
