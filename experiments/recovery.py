@@ -9,9 +9,9 @@ tripod; recovered is no fall, and half of that in the last window. Rows are what
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from time import perf_counter
 
@@ -64,7 +64,7 @@ def bodies_of(lots: Sequence[Case]) -> list[CRobot]:
 
 def standards(atlas: Atlas, lots: Sequence[Case]) -> list[float]:
     """m/s of the healthy robot under the scripted tripod in every case's world, from the third second on."""
-    clock, act = atlas.about["clock_hz"], jax.jit(partial(gaits.act, gaits.load()))
+    clock, act = atlas.about["clock_hz"], _tripod()
     found: dict[object, float] = {}
     for lot in lots:
         if lot.world in found:
@@ -77,6 +77,11 @@ def standards(atlas: Atlas, lots: Sequence[Case]) -> list[float]:
             senses = body.step(np.asarray(act(seen)))
         found[lot.world] = (body.positions[-1][0] - body.positions[39][0]) * HZ / (STANDARD - 40)
     return [found[lot.world] for lot in lots]
+
+
+@cache
+def _tripod() -> Callable[[jax.Array], jax.Array]:
+    return jax.jit(partial(gaits.act, gaits.load()))
 
 
 def main(args: Args) -> None:

@@ -1,8 +1,10 @@
 """Robots to recover on: C MuJoCo at settings that leave no error worth naming, on another floor, with noisy sensors."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from functools import cache, partial
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -135,6 +137,26 @@ class CRobot:
         )
 
 
+class _Mjx(NamedTuple):
+    """The functions of a simulated robot, compiled once for all of them."""
+
+    begin: Callable
+    step: Callable
+    feel: Callable
+
+
+@cache
+def _mjx() -> _Mjx:
+    robot = hexapod.make("x", EnvConfig(observation="onboard", physics="mjx"), 1.0)
+
+    def step(damage: damages.Damage, state: hexapod.EnvState, action: jax.Array):
+        reached, out = hexapod.step(robot, damage, state, action)
+        return reached, out.fell
+
+    begin = jax.jit(lambda damage, key: hexapod.reset(robot, damage, key)[0])
+    return _Mjx(begin, jax.jit(step), jax.jit(partial(hexapod.feel, robot)))
+
+
 @dataclass
 class MjxRobot:
     """A robot of the physics that the atlas was trained in, with noisy sensors; otherwise as `CRobot`."""
@@ -146,34 +168,25 @@ class MjxRobot:
     fell: bool = False
 
     def __post_init__(self) -> None:
-        robot = hexapod.make("x", EnvConfig(observation="onboard", physics="mjx"), 1.0)
         self._each = [jax.tree.map(jnp.asarray, damages.build(name)) for name in (damage_names.HEALTHY, self.damage)]
-        self._begin = jax.jit(lambda key: hexapod.reset(robot, self._each[0], key)[0])
-
-        def step(damage: damages.Damage, state: hexapod.EnvState, action: jax.Array):
-            reached, out = hexapod.step(robot, damage, state, action)
-            return reached, out.fell
-
-        self._step = jax.jit(step)
-        self._feel = jax.jit(lambda damage, state: hexapod.feel(robot, damage, state))
 
     def reset(self) -> Senses:
         """Stands at the origin, its joints a little off."""
         self._random = np.random.default_rng(self.seed)
-        self._state = self._begin(jax.random.key(self.seed))
+        self._state = _mjx().begin(self._each[0], jax.random.key(self.seed))
         self.positions, self.fell = [], False
         return self._senses(self._each[0])
 
     def step(self, action: np.ndarray) -> Senses:
         """One control step; the damage strikes before the step numbered `strike`, in mid-stride."""
         damage = self._each[len(self.positions) >= self.strike]
-        self._state, fell = self._step(damage, self._state, jnp.asarray(action))
+        self._state, fell = _mjx().step(damage, self._state, jnp.asarray(action))
         self.positions.append(np.asarray(self._state.qpos, np.float64))
         self.fell |= bool(fell)
         return self._senses(damage)
 
     def _senses(self, damage: damages.Damage) -> Senses:
-        senses = jax.device_get(self._feel(damage, self._state))
+        senses = jax.device_get(_mjx().feel(damage, self._state))
         noisy = {name: getattr(senses, name) for name in NOISE}
         drawn = {name: self._random.standard_normal(noisy[name].shape) for name in NOISE}
         noisy = {name: (noisy[name] + NOISE[name] * drawn[name]).astype(np.float32) for name in NOISE}
