@@ -41,18 +41,19 @@ class Log(NamedTuple):
 class Recorder:
     """Keeps the log of one robot."""
 
-    rows: deque = field(default_factory=lambda: deque(maxlen=STEPS))
+    rows: deque[tuple[np.ndarray, Senses]] = field(default_factory=lambda: deque(maxlen=STEPS))
 
     def add(self, action: np.ndarray, felt: Senses) -> None:
         """One control step: what was done, and what was felt then."""
-        self.rows.append((action, np.asarray(senses.felt(felt)), np.asarray(felt.answering)))
+        self.rows.append((action, felt))
 
     @property
     def full(self) -> bool:
         return len(self.rows) == STEPS
 
     def log(self) -> Log:
-        return Log(*(np.stack(part) for part in zip(*self.rows, strict=True)))
+        action, felt = jax.tree.map(lambda *leaves: np.stack(leaves), *self.rows)
+        return Log(action, np.asarray(senses.felt(felt)), felt.answering)
 
 
 def composed(answering: np.ndarray) -> str | None:

@@ -41,8 +41,8 @@ class Beyond(NamedTuple):
 
 
 def felt(senses: Senses) -> jax.Array:
-    """What a model of the robot must explain, f32[24]: joint angles, gyroscope, gravity."""
-    return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity])
+    """What a model of the robot must explain, f32[..., 24]: joint angles, gyroscope, gravity."""
+    return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
 def observation(senses: Senses, phase: jax.Array, *, task: str, kind: str, beyond: Beyond | None = None) -> jax.Array:
