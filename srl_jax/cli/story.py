@@ -22,7 +22,6 @@ from srl_jax.report.recovery import Walker
 from srl_jax.types import Params
 
 EVERY = 4  # control steps between two lines
-WINDOW = 20  # control steps over which a speed is shown
 NONE = "none of these"
 
 
@@ -96,12 +95,9 @@ def walkers(atlas: Atlas, added: list[str]) -> list[str]:
     return [*atlas.trained_for, *(f"{name} (learned)" for name in added)]
 
 
-def speed(robot: CRobot | MjxRobot, step: int, window: int = WINDOW) -> float:
+def speed(robot: CRobot | MjxRobot, step: int, window: int = pictures.WINDOW) -> float:
     """m/s along x over the control steps before `step`."""
-    first = max(step - window, 0)
-    if step - first < 2:
-        return 0.0
-    return float(robot.positions[step - 1][0] - robot.positions[first][0]) * CONTROL_HZ / (step - 1 - first)
+    return float(pictures.speeds(np.array(robot.positions[:step]), window)[-1]) if step else 0.0
 
 
 def _learn(learn: Learn, damage: str, policy: Params, steps: tuple[int, ...]) -> Iterator[Params]:

@@ -25,10 +25,10 @@ class Walker(NamedTuple):
     thought: Sequence[str]  # likeliest, at every step
 
 
-def speeds(positions: np.ndarray) -> np.ndarray:
-    """m/s along x over the last second, f64[T]."""
-    path = np.concatenate([np.zeros(WINDOW + 1), positions[:, 0]])[-len(positions) - WINDOW :]
-    return (path[WINDOW:] - path[:-WINDOW]) * CONTROL_HZ / WINDOW
+def speeds(positions: np.ndarray, window: int = WINDOW) -> np.ndarray:
+    """m/s along x over the `window` control steps that end with each step, f64[T]; before the first it stood at 0."""
+    path = np.concatenate([np.zeros(window), positions[:, 0]])
+    return (path[window:] - path[:-window]) * CONTROL_HZ / window
 
 
 def save_figure(
