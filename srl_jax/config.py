@@ -23,6 +23,10 @@ ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
 _SHIPPED: Any = registry.SHIPPED
 
 
+STRIDE_STARTS = 0.5  # share of episodes, where policies learn to take over in mid-stride
+GUIDANCE_WEIGHT = 1.0  # of the teacher of such policies
+
+
 @dataclass(frozen=True)
 class Config:
     """A run: what is trained, on what, and where its results go."""
@@ -108,9 +112,22 @@ def _paper(config: DDPGConfig) -> DDPGConfig:
     )
 
 
+def taking_over(
+    base: Config,
+    task: str,
+    observation: str,
+    stride_starts: float = STRIDE_STARTS,
+    guidance_weight: float = GUIDANCE_WEIGHT,
+) -> Config:
+    """SRL by what a robot senses, from where its damage has just struck: how policies for the atlas are learned."""
+    env = dataclasses.replace(base.env, observation=observation, stride_starts=stride_starts)
+    srl = dataclasses.replace(base.srl, guidance_weight=(guidance_weight,))
+    return dataclasses.replace(base, task=task, algos="srl", env=env, srl=srl)
+
+
 def _robot(base: Config) -> Config:
     """Eight minutes of one robot at 20 Hz, from the best policy of an atlas that does not know its damage."""
-    env = dataclasses.replace(base.env, observation="onboard", stride_starts=0.5)
+    env = dataclasses.replace(base.env, observation="onboard", stride_starts=STRIDE_STARTS)
     train = dataclasses.replace(
         base.train,
         environments=1,

@@ -12,7 +12,7 @@ import tyro
 
 from srl_jax.cli.ending import leave
 from srl_jax.cli.run import OF_THE_MACHINE, devices_of, train
-from srl_jax.config import Config, preset
+from srl_jax.config import GUIDANCE_WEIGHT, STRIDE_STARTS, Config, preset, taking_over
 from srl_jax.job import plan
 from srl_jax.job.files import differences, read_config
 
@@ -35,9 +35,9 @@ class Arguments:
     """Environment steps of each policy."""
     observation: Literal["onboard", "rates"] = "onboard"
     """What the policies see: encoders, gravity and clock; rates: with gyroscope and joint speeds."""
-    stride_starts: float = 0.5
+    stride_starts: float = STRIDE_STARTS
     """Share of episodes that start in mid-stride, where the damage has just struck."""
-    guidance_weight: float = 1.0
+    guidance_weight: float = GUIDANCE_WEIGHT
     """Weight of the tripod's guidance (--srl.guidance-weight)."""
     preset: Literal["default", "smoke"] = "default"
     """smoke: as small as it gets."""
@@ -132,22 +132,18 @@ def configured(arguments: Arguments) -> Config:
     Raises:
         ValueError: damages, seeds or steps are none.
     """
-    base = preset(arguments.preset)
-    env = replace(base.env, observation=arguments.observation, stride_starts=arguments.stride_starts)
+    how = (arguments.task, arguments.observation, arguments.stride_starts, arguments.guidance_weight)
+    base = taking_over(preset(arguments.preset), *how)
     unit = base.train.evaluate_every
     every = max(unit, arguments.steps // 10 // unit * unit)
     train = replace(base.train, evaluate_every=every, checkpoint_every=every)
     config = replace(
         base,
-        task=arguments.task,
-        algos="srl",
         seeds=arguments.seeds,
         steps=arguments.steps,
         damage=arguments.damages,
         devices=arguments.devices,
-        env=env,
         train=train,
-        srl=replace(base.srl, guidance_weight=(arguments.guidance_weight,)),
     )
     names = plan.parse_damages(config)
     return config if "healthy" in names else replace(config, damage=f"healthy,{arguments.damages}")

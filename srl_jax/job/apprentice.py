@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from srl_jax.agents import behaviour as behaviours
 from srl_jax.atlas.file import Atlas
-from srl_jax.config import Config, preset
+from srl_jax.config import Config, preset, taking_over
 from srl_jax.job import start
 from srl_jax.job.teachers import Behaviour
 from srl_jax.program import tally as tallies
@@ -23,27 +23,13 @@ from srl_jax.program.state import TRAIN, on_rows
 from srl_jax.types import Params
 
 ALGO = "srl"
-STRIDE_STARTS = 0.5  # as the atlas was trained
-GUIDANCE_WEIGHT = 1.0
 
 
 def configured(atlas: Atlas, base: Config | None = None) -> Config:
     """The run that one lesson is: SRL on the atlas' task and senses, guided by a policy of the atlas."""
-    base, about = base or preset("default"), atlas.about
-    return dataclasses.replace(
-        base,
-        task=about["task"],
-        algos=ALGO,
-        seeds="1",
-        env=dataclasses.replace(base.env, observation=about["observation"], stride_starts=STRIDE_STARTS),
-        train=dataclasses.replace(base.train, capacity=min(base.train.capacity, 50_000)),
-        srl=dataclasses.replace(
-            base.srl,
-            hidden=atlas.network.hidden,
-            layer_norm=atlas.network.layer_norm,
-            guidance_weight=(GUIDANCE_WEIGHT,),
-        ),
-    )
+    how = taking_over(base or preset("default"), atlas.about["task"], atlas.about["observation"])
+    network = dict(hidden=atlas.network.hidden, layer_norm=atlas.network.layer_norm)
+    return dataclasses.replace(how, srl=dataclasses.replace(how.srl, **network))
 
 
 class Apprentice:
