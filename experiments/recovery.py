@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 
-from experiments.recovering import figure, scores
+from experiments.recovering import figure, scores, timing
 from experiments.recovering.methods import METHODS, scopes
 from experiments.recovering.rows import ROWS, Case, cases
 from srl_jax.atlas import file, recovery
@@ -54,6 +54,7 @@ class Args:
     seconds: float = 10.0  # after the damage; from 20 on, the last ten are shown too
     out: str = ""  # file for every robot's numbers (JSON)
     figure: str = ""  # file for the curves (PNG)
+    timing: bool = False  # only say how long what a robot computes takes
 
 
 def bodies_of(lots: Sequence[Case]) -> list[CRobot]:
@@ -98,40 +99,55 @@ def main(args: Args) -> None:
         raise ValueError(f"robots is {args.robots}: at least 1 is needed.")
     use_devices("1", solves=False)
     atlas = file.load(args.atlas)
+    if args.timing:
+        print(timing.report(atlas))
+        return
     apprentice = Apprentice(atlas) if any(METHODS[name].learns for name in args.methods) else None
     windows = [*WINDOWS, *([(args.seconds - 10.0, args.seconds)] if args.seconds >= 20.0 else [])]
     windows = [(first, min(last, args.seconds)) for first, last in windows if first < args.seconds]
     times = np.array([t for t in (0.5, 1, 1.5, 2, 3, 4, 5, 7, 10, 13, 16, 20, 25, 30, 40, 60) if t <= args.seconds])
     curves, kept = {}, {}
     for name in args.rows:
-        lots = cases(name, args.robots)
-        standard = standards(atlas, lots)
-        print(f"\n{name}: {ROWS[name].said}; {len(lots)} robots, healthy under the tripod {np.mean(standard):.3f} m/s")
-        print(f"{'method':<14} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
-        for method in args.methods:
-            bodies, began = bodies_of(lots), perf_counter()
-            story = _walk(atlas, method, lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds, apprentice)
-            shares = [scores.retained(bodies, window, standard) for window in windows]
-            cells = "".join(f"{scores.interval(share):<19}" for share in shares)
-            recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
-            print(f"{method:<14} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
-            inside, right, count = scores.calibration(bodies, story)
-            print(
-                f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}"
-            )
-            if method == args.methods[0]:
-                _found(atlas, lots, bodies, story)
-            curves.setdefault(name, {})[method] = scores.curve(bodies, times, standard).tolist()
-            kept.setdefault(name, {})[method] = [share.round(4).tolist() for share in shares]
-        first, *others = (np.array(shares[-1]) for shares in kept[name].values())
-        won = [f"{m} {scores.better(first, s)}" for m, s in zip(args.methods[1:], others, strict=True)]
-        if won:
-            print(f"  {args.methods[0]} kept more than {', '.join(won)}")
+        kept[name], curves[name] = row(args, atlas, apprentice, name, windows, times)
     if args.out:
         about = {"atlas": atlas.about, "windows": windows, "times": times.tolist()}
         Path(args.out).write_text(json.dumps(about | {"retained": kept, "curves": curves}))
     if args.figure:
         figure.save(Path(args.figure), times, curves, {name: ROWS[name].said for name in args.rows})
+
+
+def row(
+    args: Args,
+    atlas: Atlas,
+    apprentice: Apprentice | None,
+    name: str,
+    windows: Sequence[tuple[float, float]],
+    times: np.ndarray,
+) -> tuple[dict[str, list], dict[str, list]]:
+    """Walks one row's robots by every method, prints its table, and returns by method what they kept, and the curve."""
+    lots = cases(name, args.robots)
+    standard = standards(atlas, lots)
+    print(f"\n{name}: {ROWS[name].said}; {len(lots)} robots, healthy under the tripod {np.mean(standard):.3f} m/s")
+    print(f"{'method':<14} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
+    kept, curves = {}, {}
+    for method in args.methods:
+        bodies, began = bodies_of(lots), perf_counter()
+        story = _walk(atlas, method, lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds, apprentice)
+        shares = [scores.retained(bodies, window, standard) for window in windows]
+        cells = "".join(f"{scores.interval(share):<19}" for share in shares)
+        recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
+        print(f"{method:<14} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
+        inside, right, count = scores.calibration(bodies, story)
+        print(f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}")
+        if method == args.methods[0]:
+            _found(atlas, lots, bodies, story)
+        curves[method] = scores.curve(bodies, times, standard).tolist()
+        kept[method] = [share.round(4).tolist() for share in shares]
+    first, *others = (np.array(shares[-1]) for shares in kept.values())
+    won = [f"{m} {scores.better(first, s)}" for m, s in zip(args.methods[1:], others, strict=True)]
+    if won:
+        print(f"  {args.methods[0]} kept more than {', '.join(won)}")
+    return kept, curves
 
 
 def _walk(atlas: Atlas, method: str, lots, bodies, seconds: float, apprentice: Apprentice | None):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.recovering import rows, scores
+from experiments.recovering import rows, scores, timing
 from srl_jax.atlas.trials import Ended, Forecast
 from srl_jax.env.damage_names import canonical, losses21, parse
 
@@ -81,3 +81,19 @@ def test_who_is_named_is_the_likeliest_of_atlas_and_own_and_policies_count_withi
     own = [body(0.4, damage="leg_rf+leg_lm")]
     right, good = scores.named(atlas, [rows.Case("leg_rf+leg_lm", (), None)], own, poor, 1.0)
     assert right == 1.0 and np.isnan(good)
+
+
+def test_every_part_of_what_a_robot_computes_is_timed(atlas, monkeypatch):
+    class Apprentice:
+        def __init__(self, own):
+            assert own is atlas
+
+        def learn(self, damage, policy, steps):
+            yield from steps
+
+    monkeypatch.setattr(timing, "Apprentice", Apprentice)
+    monkeypatch.setattr(timing, "REPEATS", 1)
+    monkeypatch.setattr(timing, "STEPS", 45)
+    said = timing.report(atlas)
+    for part in ("a control step", "all policies", "96 suppositions", "thinking again", "a lesson of 20,000 steps"):
+        assert part in said
