@@ -61,7 +61,7 @@ def _kinds(random: Random) -> str:
 
 
 def _world(random: Random) -> World:
-    """Friction, mass, servos, payload, slope and biases of their own, wider than any that was fitted to."""
+    """Friction, mass, servos, payload, slope and biases, drawn from the ranges that the covariance was fitted on."""
     return World(
         friction=random.uniform(0.4, 1.2),
         mass=random.uniform(0.8, 1.2),
