@@ -1,6 +1,6 @@
 # `make` alone only prints this help. Everything is installed into .venv, at the versions of constraints.txt.
 .DEFAULT_GOAL := help
-.PHONY: help install run test lint clean
+.PHONY: help install run test lint demo-template clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -10,7 +10,7 @@ PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -
 NEEDS := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 install: $(VENV)/.installed  ## make .venv and install the package, once
 
@@ -25,6 +25,9 @@ lint: $(VENV)/.installed-dev  ## check style, format and types; changes nothing
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 
+demo-template:  ## build the page that the demo fills anew, from web/ (needs Node.js and npm)
+	cd web && npm install --no-audit --no-fund --no-package-lock && npm run build
+
 clean:  ## remove .venv, caches and build output; results in runs/ stay
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -not -path './runs/*' -prune -exec rm -rf {} +
@@ -37,7 +40,7 @@ $(VENV)/.installed: $(INPUTS) | $(BIN)/python
 # The dev set contains the plain one, so it brings both stamps up to date.
 $(VENV)/.installed-dev: $(INPUTS) | $(BIN)/python
 	@echo 'Installing into $(VENV), with the test tools: about a minute and a half.'
-	@$(PIP_INSTALL) '.[dev]'
+	@$(PIP_INSTALL) '.[dev,web]'
 	@touch $(VENV)/.installed $@
 
 $(BIN)/python:

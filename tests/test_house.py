@@ -15,17 +15,19 @@ ROOMS = (  # highest first; rooms of one line do not know each other
     ("sweep",),
     ("job",),
     ("config",),
+    ("demo",),
     ("report", "atlas"),
     ("evaluate",),
     ("program",),
     ("ite",),
     ("agents",),
     ("bayes", "env"),
+    ("portable",),
     ("types", "statistics", "distributions", "arrays", "blocks", "machine", "seam"),
 )
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
     *("__init__", "__main__", "run", "repertoire", "recover", "config", "machine", "ite.settings"),
-    *("atlas.__main__", "cli.atlas", "cli.recover"),
+    *("atlas.__main__", "cli.atlas", "cli.recover", "demo.__main__", "cli.demo", "portable", "arrays"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

@@ -28,6 +28,7 @@ __all__ = [
     "stance",
     "step",
     "xml_path",
+    "xml_text",
 ]
 
 
@@ -42,6 +43,11 @@ def xml_path() -> Path:
         if (path := folder / "phantomx.xml").is_file():
             return path
     raise FileNotFoundError(f"phantomx.xml is neither in {package.parent / 'xml'} nor in {package / 'xml'}.")
+
+
+def xml_text() -> str:
+    """The healthy robot's MJCF."""
+    return xml_path().read_text()
 
 
 def load_spec() -> mujoco.MjSpec:

@@ -1,0 +1,120 @@
+"""The page in a real browser: its robot is the package's, a click breaks it, and it recovers."""
+
+import os
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from srl_jax.atlas import file
+from srl_jax.cli import demo
+from srl_jax.demo import page as pages
+from srl_jax.env import damage as damages
+from srl_jax.env.model import stance
+from srl_jax.job import export
+from srl_jax.portable import rounded
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'srl-jax[web]' brings playwright")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
+LOCAL = ("file:", "data:", "blob:")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed (Debian: apt-get install chromium)")
+STEPS = 300  # physics steps: five seconds
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    out = tmp_path_factory.mktemp("page") / "demo.html"
+    pages.write(out, demo.assembled(demo.Arguments(damages="losses21")))
+    return out
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as play:
+        running = play.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def opened(browser, written):
+    """The page, its clock stopped; a console error or an exception fails the test."""
+    errors, page = [], browser.new_page(viewport={"width": 1000, "height": 720})
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on(
+        "request",
+        lambda asked: errors.append(asked.url) if not asked.url.startswith(("file:", "data:", "blob:")) else None,
+    )
+    page.goto(f"{written.as_uri()}?paused&plain")
+    page.wait_for_function("window.demo", timeout=60_000)
+    yield page
+    page.close()
+    assert errors == []
+
+
+def in_c(damage: str) -> np.ndarray:
+    """qpos after five seconds in C MuJoCo under the atlas' policy for a damage, from the stance, without noise."""
+    atlas, model = file.load(), damages.damaged_model(damage)
+    policy, data, pose = rounded(export.from_atlas(atlas)[damage]), mujoco.MjData(model), stance(model)
+    present, phase = np.asarray(damages.present(damages.build(damage))), 0.0
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    for _ in range(STEPS // 3):
+        frame = np.empty(9)
+        mujoco.mju_quat2Mat(frame, data.qpos[3:7])
+        ahead, left = np.array([frame[0], -frame[3]]) / np.hypot(frame[0], frame[3])
+        joints = np.where(present, data.qpos[7:] - pose[7:], 0.0)
+        angle = 2.0 * np.pi * phase
+        seen = [np.sin(angle), np.cos(angle), ahead, left, *-frame[6:], *joints]
+        data.ctrl[:] = pose[7:] + np.array(policy.about["action_scale"]) * policy(np.array(seen))
+        mujoco.mj_step(model, data, nstep=3)
+        phase = (phase + atlas.about["clock_hz"] / 20.0) % 1.0
+    return data.qpos
+
+
+@pytest.mark.parametrize("damage", ["healthy", "leg_rm"])
+def test_its_robot_is_that_of_the_package(opened, damage):
+    opened.evaluate(
+        f"""demo.story.begin(0, 'told'); demo.story.patience = 0;
+        if ('{damage}' !== 'healthy') demo.story.lose('{damage}');
+        demo.story.robot.noise = 0; demo.story.robot.feel(); demo.run({STEPS})"""
+    )
+    found, expected = opened.evaluate("demo.state()"), in_c(damage)
+    assert found["damage"] == found["walker"] == damage
+    np.testing.assert_allclose(found["qpos"], expected, atol=1e-3)
+    assert expected[0] > 1.0
+
+
+def test_a_click_breaks_it_and_it_finds_out_and_recovers(opened, tmp_path):
+    opened.evaluate(f"demo.run({STEPS})")
+    before = opened.evaluate("demo.state()")
+    assert before["damage"] == "healthy" and before["likely"][0]["name"] == "healthy" and before["speed"] > 0.6
+    opened.evaluate("demo.show()")
+    leg = opened.evaluate("demo.scene.screen('tibia_rm')")
+    opened.mouse.click(leg["x"], leg["y"])
+    opened.evaluate("demo.run(174)")
+    struck = opened.evaluate("demo.state()")
+    assert struck["damage"] == "leg_rm" and struck["walker"] == before["walker"], "it knows nothing yet"
+    assert struck["likely"][0]["name"] == "leg_rm" and struck["likely"][0]["share"] > 0.9
+    struggling = opened.evaluate("demo.story.speed(demo.story.past.length - 1, 50)")
+    opened.evaluate("demo.run(306)")
+    after = opened.evaluate("demo.state()")
+    assert struggling < 0.7 * before["speed"] < after["speed"] and not after["tipped"]
+    opened.evaluate("demo.run(900); demo.show()")  # fifteen seconds on, it still walks
+    assert opened.evaluate("demo.state()")["speed"] > 0.7 * before["speed"]
+    assert opened.inner_text("#damage") == "leg_rm" and opened.locator("[data-leg=rm].gone").count() == 1
+    opened.screenshot(path=Path(os.environ.get("SRL_JAX_SCREENSHOTS", tmp_path)) / "demo.png")
+
+
+def test_what_the_page_has_no_damage_for_is_said(opened):
+    opened.evaluate("['leg_rf', 'leg_rm', 'leg_rr'].forEach((leg) => demo.lose(leg))")
+    assert opened.evaluate("demo.state()")["damage"] == "leg_rf+leg_rm+leg_rr"
+    opened.evaluate("demo.lose('leg_lf')")
+    assert "no robot with leg_lf" in opened.inner_text("#status")
+    opened.click("#repair")
+    assert opened.evaluate("demo.state()")["damage"] == "healthy"
+    assert opened.locator(".gone").count() == 0
