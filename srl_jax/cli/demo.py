@@ -12,8 +12,10 @@ from srl_jax.cli.ending import leave
 
 if TYPE_CHECKING:
     from srl_jax.atlas.file import Atlas
+    from srl_jax.portable import Policy
 
 PROGRAM = "srl-jax demo"
+SLOW = 0.1  # m/s below which a robot does not walk
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         if Path(source).is_dir() and source:
             policies = export.from_run(Path(source), seed=arguments.seed)
             about = policies[0].about
-            shown.append(payload.of_run(policies, f"Policies of {about['command']}, seed {arguments.seed}."))
+            made = f"Policies of {about['command']}, seed {arguments.seed}."
+            shown.append(payload.of_run(policies, f"{made} {checked(policies, None)}"))
             named += [own.about["damage"] for own in policies]
             clocks[source] = about["clock_hz"]
             continue
@@ -72,7 +75,9 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
             raise ValueError(f"sources has two atlases, the second {source}: a page has room for one.")
         atlas, names = _atlas(source, arguments.damages)
         own = export.from_atlas(atlas)
-        shown.append(payload.of_atlas({name: own[name] for name in names}, f"Made by {atlas.about['command']}."))
+        policies = [own[name] for name in names]
+        made = f"Made by {atlas.about['command']}."
+        shown.append(payload.of_atlas(dict(zip(names, policies, strict=True)), f"{made} {checked(policies, own)}"))
         known, clocks[source or "the atlas that ships"] = payload.mind(atlas, names), atlas.about["clock_hz"]
         named += names
     if len({round(clock, 6) for clock in clocks.values()}) > 1:
@@ -80,6 +85,36 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         raise ValueError(f"sources differ in the clock that policies see ({each}): make a page of each.")
     robot = payload.robot(next(iter(clocks.values())), payload.reachable(named))
     return robot | {"sources": shown} | ({"atlas": known} if known else {})
+
+
+def checked(policies: "list[Policy]", atlas: "dict[str, Policy] | None") -> str:
+    """Says which policies walk for fifteen seconds after a cut in mid-walk, in the page's own physics.
+
+    Args:
+        policies: each is tried under its own damage.
+        atlas: of whose policy for the healthy robot they take over in mid-stride; None: from pi_B, after standing.
+    """
+    import jax
+    import numpy as np
+
+    from srl_jax.demo import check
+    from srl_jax.env import gait
+
+    tripod = jax.jit(lambda seen: gait.act(gait.load(), seen))
+    before = atlas["healthy"] if atlas else lambda seen: np.asarray(tripod(seen))
+    speeds, failed = [], []
+    for own in policies:
+        about = own.about
+        walker = check.Walker(about["damage"], about["task"], about["kind"], about["clock_hz"])
+        walked = check.after_cut(walker, before, own, stands=atlas is None)
+        speeds.append(walked.speed)
+        if walked.fell or walked.speed < SLOW:
+            failed.append(about["damage"] if atlas else f"{about['method']} for {about['damage']}")
+    said = f"{len(policies) - len(failed)} of {len(policies)} walk on for 15 s after a cut in mid-walk"
+    missed = f", not so {', '.join(failed)}" if failed else ""
+    said += f" (median {np.median(speeds):.2f} m/s{missed})."
+    print(said, flush=True)
+    return said
 
 
 def _atlas(source: str, wanted: str) -> "tuple[Atlas, list[str]]":

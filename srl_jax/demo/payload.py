@@ -19,6 +19,10 @@ from srl_jax.env.model import load_model, xml_text
 from srl_jax.env.settings import EnvConfig
 from srl_jax.portable import WEIGHTS, Policy
 
+LEARNED = (
+    "What {} has learned for this damage, from standing starts: so the robot stands for a second before it takes over, and "
+    "takes its heading as the one to walk in."
+)
 HEALTHY_SHARE = 0.99  # of the belief before anything is felt, as `belief.prior` has it
 
 
@@ -115,7 +119,7 @@ def of_run(policies: Sequence[Policy], about: str) -> dict[str, Any]:
         sets.setdefault(own.about["method"], {}).setdefault(own.about["damage"], policy(own))
     first = policies[0].about
     learned = [
-        _method(name, name.upper() if name in ("srl", "ddpg") else name, "told", name, f"What {name} has learned.")
+        _method(name, name.upper() if name in ("srl", "ddpg") else name, "told", name, LEARNED.format(name))
         for name in sets
         if name != "pi_B"
     ]

@@ -4,15 +4,13 @@ import os
 import shutil
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
 from srl_jax.atlas import file
 from srl_jax.cli import demo
+from srl_jax.demo import check
 from srl_jax.demo import page as pages
-from srl_jax.env import damage as damages
-from srl_jax.env.model import stance
 from srl_jax.job import export
 from srl_jax.portable import rounded
 
@@ -58,22 +56,13 @@ def opened(browser, written):
 
 def in_c(damage: str) -> np.ndarray:
     """qpos after five seconds in C MuJoCo under the atlas' policy for a damage, from the stance, without noise."""
-    atlas, model = file.load(), damages.damaged_model(damage)
-    policy, data, pose = rounded(export.from_atlas(atlas)[damage]), mujoco.MjData(model), stance(model)
-    present, phase = np.asarray(damages.present(damages.build(damage))), 0.0
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
+    atlas = file.load()
+    policy = rounded(export.from_atlas(atlas)[damage])
+    walker = check.Walker(damage, "x", "onboard", atlas.about["clock_hz"])
+    walker.broken = 1
     for _ in range(STEPS // 3):
-        frame = np.empty(9)
-        mujoco.mju_quat2Mat(frame, data.qpos[3:7])
-        ahead, left = np.array([frame[0], -frame[3]]) / np.hypot(frame[0], frame[3])
-        joints = np.where(present, data.qpos[7:] - pose[7:], 0.0)
-        angle = 2.0 * np.pi * phase
-        seen = [np.sin(angle), np.cos(angle), ahead, left, *-frame[6:], *joints]
-        data.ctrl[:] = pose[7:] + np.array(policy.about["action_scale"]) * policy(np.array(seen))
-        mujoco.mj_step(model, data, nstep=3)
-        phase = (phase + atlas.about["clock_hz"] / 20.0) % 1.0
-    return data.qpos
+        walker.step(policy)
+    return walker.data.qpos
 
 
 @pytest.mark.parametrize("damage", ["healthy", "leg_rm"])
