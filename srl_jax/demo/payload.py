@@ -20,8 +20,8 @@ from srl_jax.env.settings import EnvConfig
 from srl_jax.portable import WEIGHTS, Policy
 
 LEARNED = (
-    "What {} has learned for this damage, from standing starts: so the robot stands for a second before it takes over, and "
-    "takes its heading as the one to walk in."
+    "What {} has learned for this damage, from standing starts: so the robot stands for a second before it takes over, "
+    "and takes its heading as the one to walk in."
 )
 HEALTHY_SHARE = 0.99  # of the belief before anything is felt, as `belief.prior` has it
 
