@@ -11,8 +11,8 @@ from functools import cache
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from srl_jax.agents.rivals import ACTEACH
 from srl_jax.agents.settings import (
-    ACTEACH,
     DDPG,
     WARM_START,
     BACConfig,
