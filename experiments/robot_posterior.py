@@ -2,10 +2,11 @@
 
     python -m experiments.robot_posterior runs/p2p
 
-From states that the student visits, with exploration noise, two rollouts are made on the damaged robot: the student
-throughout, and pi_B's action once before it. Which was better is what ``P[Q(s, pi_B) > Q(s, pi)]`` claims to predict;
-the student's return is what the draws of ``Q(s, pi(s))`` claim to cover. Returns are discounted and know no time limit:
-150 steps, where gamma^150 is .01.
+From states that the student visits, with exploration noise, rollouts are made on the damaged robot: the student
+throughout, and pi_B before it for one step, for a second, and for good. ``P[Q(s, pi_B) > Q(s, pi)]`` claims to predict
+whether pi_B's step is better, and with ``values=policy`` ``P[V_1(s) > V_0(s)]`` whether following it for good is. Draws
+of both values claim to cover what came of it. Returns are discounted and know no time limit: 150 steps, where gamma^150
+is .01.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from jax.tree_util import Partial
 from rich.console import Console
 from rich.table import Table
 
-from srl_jax.agents.ensemble import critic_fn
+from srl_jax.agents import posterior
 from srl_jax.agents.hyper import from_config
 from srl_jax.agents.interface import Teacher
 from srl_jax.agents.settings import SRLConfig
@@ -37,6 +38,7 @@ from srl_jax.program.randomness import lane_keys, per_robot
 from srl_jax.types import Params
 
 LEVELS = (0.5, 0.8, 0.95)
+SECOND = 20  # control steps
 FEWEST = 20  # draws that have an interval of the widest level
 NOISE = 0.25
 
@@ -71,21 +73,21 @@ class Judged(NamedTuple):
     """One state: what the posterior says, and what came of it."""
 
     probability: jax.Array  # f32[] P[Q(s, pi_B) > Q(s, pi)]
-    draws: jax.Array  # f32[M] of Q(s, pi(s))
-    teacher: jax.Array  # f32[] discounted return of pi_B's action, then the student
-    own: jax.Array  # f32[] and of the student throughout
+    draws: jax.Array  # f32[M, 2] of what the student and pi_B are worth
+    returned: jax.Array  # f32[4] discounted return with pi_B for 0, 1, 20 and all steps, and the student after it
 
 
-def returned(robot: Hexapod, damage: Damage, start: EnvState, action: jax.Array, policy, gamma: jax.Array, steps: int):
-    """Discounted return f32[] of one given action f32[18] and then a policy, until success, a fall or `steps`."""
+def returned(robot: Hexapod, damage: Damage, lane: Learned, start: EnvState, first: jax.Array, lead, steps: int):
+    """Discounted return f32[] of pi_B for `lead` steps and then the student, until success, a fall or `steps`."""
 
     def control(carry, index):
-        state, action_, going = carry
-        state, out = hexapod.step(robot, damage, state, action_)
-        earned = going * gamma**index * out.reward
-        return (state, policy(out.observation), going * (1.0 - out.terminated)), earned
+        state, observation, going = carry
+        action = jnp.where(index < lead, lane.teacher(observation), lane.policy(observation))
+        state, out = hexapod.step(robot, damage, state, action)
+        earned = going * lane.gamma**index * out.reward
+        return (state, out.observation, going * (1.0 - out.terminated)), earned
 
-    begin = (start, action, jnp.float32(1.0))
+    begin = (start, first, jnp.float32(1.0))
     return jax.lax.scan(control, begin, jnp.arange(steps, dtype=jnp.float32))[1].sum()
 
 
@@ -111,33 +113,53 @@ def judge(robot: Hexapod, config: SRLConfig, sizes: tuple[int, int, int], lane: 
 
     def at(state: EnvState, observation: jax.Array) -> Judged:
         actions = jnp.stack([lane.policy(observation), lane.teacher(observation)])
-        draws = dropout.q_draws(critic_fn(config), lane.critic, observation, actions, masks)
-        roll = lambda action: returned(robot, damage, state, action, lane.policy, lane.gamma, horizon)  # noqa: E731
-        own, other = jax.lax.map(roll, actions)
-        return Judged(thompson.probability_better(draws, 1, 0), draws[:, 0], other, own)
+        draws = posterior.draws(lane.critic, observation, actions, masks, config=config)
+        roll = lambda lead: returned(robot, damage, lane, state, observation, lead, horizon)  # noqa: E731
+        came = jax.lax.map(roll, jnp.array([0.0, 1.0, SECOND, horizon]))
+        return Judged(thompson.probability_better(draws, 1, 0), draws, came)
 
     return jax.vmap(at)(states, observations), alive
 
 
-def table_row(name: str, judged: Judged, alive: np.ndarray) -> list[str]:
-    """One damage's line: area under the curve, coverage, bias. Arrays have axes [lane, robot, visit]."""
+def verdict_row(name: str, judged: Judged, alive: np.ndarray, claimed: int) -> list[str]:
+    """One line of how well the better one was told. Arrays have axes [lane, robot, visit].
+
+    Args:
+        name: of the damage.
+        judged: of all its states.
+        alive: of which these count.
+        claimed: which of the returns the probability is of.
+    """
     if not alive.any():
         return [name, "0"]
     lane = np.broadcast_to(np.arange(len(alive))[:, None, None], alive.shape)
     episode = (lane * alive.shape[1] + np.arange(alive.shape[1])[None, :, None])[alive]
-    probability, draws, teacher, own = (np.asarray(x)[alive] for x in judged)
-    differ = teacher != own
-    better = teacher > own
-    try:
-        area = guidance.auc(probability[differ], better[differ], episode[differ])
-        text = f"{area.point:.2f} [{area.low:.2f}, {area.high:.2f}]"
-    except ValueError:
-        text = "one outcome only"
-    covered = calibration.coverage(draws.T, own, LEVELS)
-    error = own - draws.mean(1)
-    cells = [f"{alive.sum()}", f"{better.mean():.2f}", f"{(probability > 0.5).mean():.2f}", text]
-    cells += [f"{share:.2f}" for share in covered]
-    return [name, *cells, f"{draws.std(1, ddof=1).mean():.2f}", f"{error.mean():+.2f}", f"{error.std():.2f}"]
+    probability, came = np.asarray(judged.probability)[alive], np.asarray(judged.returned)[alive]
+    better = came[:, 1:] > came[:, :1]
+    cells = [f"{alive.sum()}", f"{(probability > 0.5).mean():.2f}"]
+    for which, label in enumerate(better.T, start=1):
+        differ = came[:, which] != came[:, 0]
+        try:
+            area = guidance.auc(probability[differ], label[differ], episode[differ])
+            text = f"{area.point:.2f} [{area.low:.2f}, {area.high:.2f}]"
+        except ValueError:
+            text = "one outcome only"
+        cells += [f"{label.mean():.2f}", text]
+    return [name, *cells, f"{calibration.expected_error(probability, better[:, claimed - 1]):.2f}"]
+
+
+def worth_row(name: str, judged: Judged, alive: np.ndarray, claimed: int) -> list[str]:
+    """One line of how well what student and pi_B are worth was told; arguments as `verdict_row`."""
+    if not alive.any():
+        return [name]
+    draws, came = np.asarray(judged.draws)[alive], np.asarray(judged.returned)[alive][:, [0, claimed]]
+    cells = []
+    for who in range(2):
+        covered = calibration.coverage(draws[..., who].T, came[:, who], LEVELS)
+        error = came[:, who] - draws[..., who].mean(1)
+        cells += [" ".join(f"{share:.2f}" for share in covered), f"{draws[..., who].std(1, ddof=1).mean():.2f}"]
+        cells += [f"{error.mean():+.2f}", f"{error.std():.2f}"]
+    return [name, *cells]
 
 
 def settings(run: Run, arguments: Arguments) -> SRLConfig:
@@ -173,29 +195,46 @@ def learned(run: Run, config: SRLConfig, lane: Lane) -> Learned:
 
 
 def main(arguments: Arguments) -> None:
-    """Rolls out and prints one line for every damage, and variant where there are several."""
+    """Rolls out and prints two lines for every damage, and variant where there are several."""
     run = open_run(arguments.run)
     config = settings(run, arguments)
     one = partial(judge, run.robot, config, (arguments.visits, arguments.horizon, arguments.draws))
     robots = jax.jit(jax.vmap(one, (None, None, 0)))
-    names = ["damage", "states", "pi_B better", "p > 1/2", "AUC of p"]
-    names += [f"{level:.0%} covers" for level in LEVELS]
-    table = Table(*names, "std of Q", "return - Q", "its std", box=None)
-    groups: dict[str, list[Lane]] = {}
+    groups: dict[tuple[str, str], list[Lane]] = {}
     for lane in run.lanes_of(arguments.algo):
-        groups.setdefault(f"{run.damage(lane)} {lane.label}".strip(), []).append(lane)
-    found: list[tuple[Judged, np.ndarray]] = []
-    for name, lanes in groups.items():
+        groups.setdefault((lane.label, run.damage(lane)), []).append(lane)
+    found: dict[str, list[tuple[Judged, np.ndarray]]] = {}
+    rows: dict[str, tuple[Judged, np.ndarray]] = {}
+    for (label, damage), lanes in groups.items():
         lanes = lanes[: arguments.seeds]
         keys = per_robot(lane_keys(lanes, "posterior"), 0, arguments.robots)
         parts = [
-            jax.device_get(robots(learned(run, config, lane), damages.build(run.damage(lane)), own))
+            jax.device_get(robots(learned(run, config, lane), damages.build(damage), own))
             for lane, own in zip(lanes, keys, strict=True)
         ]
-        found.append(jax.tree.map(lambda *x: np.stack(x), *parts))
-        table.add_row(*table_row(name, *found[-1]))
-    table.add_row(*table_row("all", *jax.tree.map(lambda *x: np.concatenate(x), *found)))
-    Console(width=150).print(table)
+        rows[f"{damage} {label}".strip()] = jax.tree.map(lambda *x: np.stack(x), *parts)
+        found.setdefault(label, []).append(rows[f"{damage} {label}".strip()])
+    rows |= {f"all {label}".strip(): jax.tree.map(lambda *x: np.concatenate(x), *own) for label, own in found.items()}
+    show(rows, config)
+
+
+def show(rows: dict[str, tuple[Judged, np.ndarray]], config: SRLConfig) -> None:
+    """Prints both tables."""
+    claimed, what = (3, "V") if config.values == "policy" else (1, "Q")
+    names = ["pi_B better for", "states", "p > 1/2"]
+    for length in ("a step", "a second", "good"):
+        names += [length, "AUC of p"]
+    verdicts = Table(*names, "calibration error", box=None)
+    worths = Table(f"{what} of", box=None)
+    for who in ("student", "pi_B"):
+        for column in (f"{who}: 50 80 95 % cover", "std", "return less mean", "its std"):
+            worths.add_column(column)
+    for name, (judged, alive) in rows.items():
+        verdicts.add_row(*verdict_row(name, judged, alive, claimed))
+        worths.add_row(*worth_row(name, judged, alive, claimed))
+    console = Console(width=150)
+    console.print(verdicts)
+    console.print(worths)
 
 
 if __name__ == "__main__":

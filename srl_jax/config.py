@@ -12,12 +12,13 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from srl_jax.agents import registry
+from srl_jax.agents.rivals import JumpStartConfig
 from srl_jax.agents.settings import BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env.settings import EnvConfig
 from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
-ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
+ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach", "rlpd", "ibrl", "jsrl")
 
 
 _SHIPPED: Any = registry.SHIPPED
@@ -36,8 +37,8 @@ class Config:
     seeds: str = "10"
     """A count (seeds 0..N-1) or a list (3,7,11)."""
     algos: str = "ddpg,srl"
-    """Any of ddpg, srl, ddpg_warm, acteach, bac, mcpg, bpg, ite, tripod, pi_b and what else is registered, separated by
-    commas."""
+    """Any of ddpg, srl, ddpg_warm, acteach, rlpd, ibrl, jsrl, bac, mcpg, bpg, ite, tripod, pi_b and what else is
+    registered, separated by commas."""
     damage: str = "task"
     """Names such as tibia_rm,leg_rm+leg_lf and sets: task (the paper's, all six legs), all (the catalogue), losses21,
     joints, limp (legs), triples (three legs lost); sets may be joined: losses21+limp."""
@@ -62,6 +63,9 @@ class Config:
     ddpg: DDPGConfig = _SHIPPED["ddpg"]
     ddpg_warm: DDPGConfig = _SHIPPED["ddpg_warm"]
     acteach: SRLConfig = _SHIPPED["acteach"]
+    rlpd: SRLConfig = _SHIPPED["rlpd"]
+    ibrl: SRLConfig = _SHIPPED["ibrl"]
+    jsrl: JumpStartConfig = _SHIPPED["jsrl"]
     srl: SRLConfig = _SHIPPED["srl"]
     bac: BACConfig = _SHIPPED["bac"]
     mcpg: SearchConfig = _SHIPPED["mcpg"]

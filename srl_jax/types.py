@@ -32,6 +32,7 @@ class ActState(NamedTuple):
     noise: jax.Array  # f32[A] correlated exploration noise, unit variance
     guidance: GuidanceState
     seed: jax.Array | None = None  # u32[] of the episode, for agents that draw something once an episode
+    age: jax.Array | None = None  # i32[] control steps since the episode began, told to agents that are `timed`
 
 
 class EndedEpisodes(NamedTuple):

@@ -41,7 +41,8 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
     ),
     *("sweep.task", "sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
     *("job.plan", "job.files", "program.settings", "program.lanes"),
-    *("agents.sweep", "agents.settings", "agents.registry", "env.settings", "env.anatomy", "env.damage_names"),
+    *("agents.sweep", "agents.settings", "agents.rivals", "agents.registry"),
+    *("env.settings", "env.anatomy", "env.damage_names"),
 )
 JAX = {"jax", "jaxlib", "chex", "distrax", "flax", "optax", "orbax", "mujoco"}  # what is jax, imports it, or is large
 LINES = {"srl_jax": 250, "experiments": 250, "tests": 300}  # of a file

@@ -49,12 +49,13 @@ def init(
     *,
     config: DDPGConfig,
     teachers: Sequence[Teacher] = (),
+    heads: int = 0,
 ) -> AgentState:
-    """Fresh networks; targets start as copies."""
+    """Fresh networks, with `heads` of the critics (see `ensemble.init`); targets start as copies."""
     del teachers
     actor_key, critic_key = jax.random.split(key)
     actor = Actor(config.hidden, action_size, config.layer_norm).init(actor_key, jnp.zeros(observation_size))
-    critic = ensemble.init(critic_key, observation_size, action_size, config=config)
+    critic = ensemble.init(critic_key, observation_size, action_size, config=config, heads=heads)
     return AgentState(
         actor=actor,
         critic=critic,

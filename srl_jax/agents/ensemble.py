@@ -17,13 +17,14 @@ from srl_jax.agents.settings import DDPGConfig
 from srl_jax.types import Params, Transition
 
 
-def init(key: jax.Array, observation_size: int, action_size: int, *, config: DDPGConfig) -> Params:
-    """Fresh members, leaves with a leading axis K."""
-    online = _members(key, Critic(config.hidden, config.layer_norm), observation_size, action_size, config.critics)
+def init(key: jax.Array, observation_size: int, action_size: int, *, config: DDPGConfig, heads: int = 0) -> Params:
+    """Fresh members, leaves with a leading axis K; each with `heads` values instead of one (see `networks.Critic`)."""
+    network = Critic(config.hidden, config.layer_norm, heads=heads)
+    online = _members(key, network, observation_size, action_size, config.critics)
     if config.prior_scale == 0.0:
         return online
     # The head of a network that learns starts near zero, where a prior of it would have no opinion.
-    network, prior_key = Critic(config.hidden, config.layer_norm, UNIT_HEAD), jax.random.fold_in(key, 1)
+    network, prior_key = Critic(config.hidden, config.layer_norm, UNIT_HEAD, heads), jax.random.fold_in(key, 1)
     return {
         "online": online,
         "prior": _members(prior_key, network, observation_size, action_size, config.critics),
@@ -36,14 +37,23 @@ def _members(key: jax.Array, network: Critic, observation_size: int, action_size
 
 
 def critic_fn(config: DDPGConfig) -> Callable[..., jax.Array]:
-    """The unbatched critic ``(params, observation, action, masks) -> f32[]`` of one member, its prior included."""
-    network = Critic(config.hidden, config.layer_norm).apply
+    """The unbatched critic ``(params, observation, action, masks) -> f32[]`` of one member, its prior included.
+
+    f32[heads] where its parameters have heads.
+    """
+
+    def network(params: Params, observation: jax.Array, action: jax.Array, masks: tuple | None = None) -> jax.Array:
+        own = params["params"]
+        heads = own["heads"]["bias"].shape[-1] if "heads" in own else 0
+        critic = Critic(config.hidden, config.layer_norm, heads=heads)
+        return critic.apply(params, observation, action, masks)  # type: ignore[return-value]
+
     if config.prior_scale == 0.0:
-        return network  # type: ignore[return-value]
+        return network
 
     def with_prior(params: Params, observation: jax.Array, action: jax.Array, masks: tuple | None = None):
         learned = network(params["online"], observation, action, masks)
-        return learned + config.prior_scale * network(params["prior"], observation, action)  # type: ignore[operator]
+        return learned + config.prior_scale * network(params["prior"], observation, action)
 
     return with_prior
 
@@ -72,6 +82,11 @@ def td_target(
     mean, so that what members disagree on at s' reaches s (Osband et al. 2016).
     """
     next_q = q_values(target_critic, batch.next_observation, next_action, config=config)
+    return bootstrap(next_q, batch, config=config, hyper=hyper)
+
+
+def bootstrap(next_q: jax.Array, batch: Transition, *, config: DDPGConfig, hyper: Hyper) -> jax.Array:
+    """`td_target` from the target members' values f32[K, B] of what comes next."""
     if not config.member_targets:
         next_q = jnp.broadcast_to(jnp.mean(next_q, axis=0, keepdims=True), next_q.shape)
     return batch.reward[None] + hyper.gamma * batch.discount[None] * next_q

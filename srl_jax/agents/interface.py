@@ -85,6 +85,7 @@ class Agent:
     adopt: Callable[[State, Params], State] | None = None  # takes pi_B's actor, or its clone, as its own start
     network: ActorConfig | None = None  # of an actor that is such a network
     replays_healthy: bool = False  # parts of its mini-batches are pi_B's healthy transitions
+    timed: bool = False  # it acts by the age of the episode, `ActState.age`
     own_gait: bool = False  # its only teacher is the tuned tripod, whatever pi_B is
 
     @property

@@ -43,14 +43,17 @@ class Actor(nn.Module):
 
 
 class Critic(nn.Module):
-    """Action value (f32[O], f32[A], masks) -> f32[]."""
+    """Action value (f32[O], f32[A], masks) -> f32[]; where it has `heads`, that of as many policies, f32[heads]."""
 
     hidden: Sequence[int]
     layer_norm: bool
     head: nn.initializers.Initializer = _small
+    heads: int = 0
 
     @nn.compact
     def __call__(self, observation: jax.Array, action: jax.Array, masks: tuple | None = None) -> jax.Array:
         x = jnp.concatenate([observation, action], axis=-1)
         x = Torso(self.hidden, self.layer_norm)(x, masks)
+        if self.heads:
+            return nn.Dense(self.heads, kernel_init=self.head, name="heads")(x)
         return nn.Dense(1, kernel_init=self.head)(x)[..., 0]

@@ -1,9 +1,10 @@
 """The posterior over SRL's critics: samples of it, each member's data, and the likelihood that fits it."""
 
+import chex
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents import ensemble
+from srl_jax.agents import ensemble, following
 from srl_jax.agents.ensemble import critic_fn
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Metrics
@@ -18,6 +19,25 @@ def sample(key: jax.Array, *, config: SRLConfig, hyper: Hyper, proposals: int = 
     if proposals and not config.shared_masks:
         shape = (*shape, proposals)
     return dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
+
+
+def draws(critic: Params, observation: jax.Array, actions: jax.Array, masks: tuple, *, config: SRLConfig) -> jax.Array:
+    """Posterior draws f32[M, N] of what N proposals are worth at one state: of their actions, or of following them.
+
+    Args:
+        critic: ensemble parameters.
+        observation: f32[O].
+        actions: f32[N, A], the student's first.
+        masks: as those of `dropout.q_draws`.
+        config: static settings.
+    """
+    return following.own(dropout.q_draws(critic_fn(config), critic, observation, actions, masks), config=config)
+
+
+def means(critic: Params, observation: jax.Array, actions: jax.Array, *, config: SRLConfig) -> jax.Array:
+    """What the mean critic holds of N proposals, f32[N]; arguments as `draws`."""
+    q = jax.vmap(lambda action: dropout.mean_q(critic_fn(config), critic, observation, action))(actions)
+    return following.own(q, config=config)
 
 
 def data_of_members(lot: jax.Array, share: jax.Array, members: int) -> jax.Array:
@@ -43,12 +63,13 @@ def critic_loss(
     """The dropout likelihood (Gal & Ghahramani 2016), or AC-Teach's alpha-divergence (Li & Gal 2017), of all members.
 
     td: ``sum_k mean_b w_kb (Q_k(s, a; mask) - y_k)^2``; alpha: every member over its own J draws of masks,
-    ``sum_k mean_b w_kb -(1/alpha) logsumexp_j[-(alpha tau / 2) (y_k - Q_kj)^2]``; w are its `data_of_members`.
+    ``sum_k mean_b w_kb -(1/alpha) logsumexp_j[-(alpha tau / 2) (y_k - Q_kj)^2]``; w are its `data_of_members`. Where a
+    critic has several heads, their likelihoods multiply: a sum over heads too.
 
     Args:
         params: ensemble parameters.
         batch: transitions, leading axis B.
-        target: f32[K, B] of `ensemble.td_target`.
+        target: f32[K, B] of `ensemble.td_target`, f32[K, B, N] of `following.td_target`.
         key: random key.
         config: static settings.
         hyper: numeric settings.
@@ -59,6 +80,8 @@ def critic_loss(
     """
     loss = _divergence if config.critic_loss == "alpha" else _squared_error
     each = loss(params, batch, target, key, config=config, hyper=hyper)
+    if config.values == "policy":
+        each = jnp.sum(each, axis=-1)
     if min(config.bootstrap) < 1.0:
         each = each * data_of_members(batch.lot, hyper.bootstrap, config.critics)
     total = jnp.mean(each, axis=1).sum()  # members share no parameters: a sum, not a mean
@@ -69,18 +92,19 @@ def critic_loss(
 def _squared_error(
     params: Params, batch: Transition, target: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper
 ) -> jax.Array:
-    """f32[K, B], each under a mask of its own where `config.dropout_update` says so."""
+    """f32[K, B, ...], each transition under a mask of its own where `config.dropout_update` says so."""
     masks = None
     if config.dropout_update:
-        masks = dropout.sample_masks(key, config.hidden, target.shape, hyper.dropout)
+        masks = dropout.sample_masks(key, config.hidden, target.shape[:2], hyper.dropout)
     q = jax.vmap(critic_fn(config), (0, None, None, 0))(params, batch.observation, batch.action, masks)
+    chex.assert_equal_shape([q, target])
     return jnp.square(q - target)
 
 
 def _divergence(
     params: Params, batch: Transition, target: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper
 ) -> jax.Array:
-    """f32[K, B]; a logsumexp across members would give nearly all of the gradient to the one that fits best."""
+    """f32[K, B, ...]; a logsumexp across members would give nearly all of the gradient to the one that fits best."""
     masks = sample(key, config=config, hyper=hyper)
     over_batch = jax.vmap(dropout.q_draws, (None, None, 0, 0, None), 1)
     q = over_batch(critic_fn(config), params, batch.observation, batch.action[:, None], masks)

@@ -11,8 +11,8 @@ from functools import cache
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from srl_jax.agents.rivals import ACTEACH, IBRL, RLPD, JumpStartConfig
 from srl_jax.agents.settings import (
-    ACTEACH,
     DDPG,
     WARM_START,
     BACConfig,
@@ -33,6 +33,9 @@ SHIPPED: dict[str, AgentSettings] = {
     "srl": SRLConfig(),
     "ddpg_warm": WARM_START,
     "acteach": ACTEACH,
+    "rlpd": RLPD,
+    "ibrl": IBRL,
+    "jsrl": JumpStartConfig(),
     "bac": BACConfig(),
     "mcpg": SearchConfig(),
     "bpg": SearchConfig(estimator="model2"),
@@ -46,6 +49,7 @@ _algorithms: dict[str, AgentSettings] = dict(SHIPPED)
 _makers: dict[type[AgentSettings], str | Make] = {
     DDPGConfig: "srl_jax.agents.ddpg",
     SRLConfig: "srl_jax.agents.srl",
+    JumpStartConfig: "srl_jax.agents.jump_start",
     BACConfig: "srl_jax.agents.bac",
     FrozenConfig: "srl_jax.agents.frozen",
     ITEConfig: "srl_jax.ite.agent",

@@ -84,8 +84,15 @@ class SRLConfig(DDPGConfig):
     """Survivable robotic learning (Raza et al. 2021): the seven parts, each with its own switch."""
 
     init: Literal["random", "behaviour"] = "behaviour"
+    values: Literal["action", "policy"] = "action"
+    """What proposals are compared by: Q of the one action that each proposes, or the value of following from here on
+    whoever proposes it, for which the critics have a head each (`agents.following`)."""
     select: bool = True
-    """Thompson selection between the student's and the teachers' actions; off: the student always acts."""
+    """Selection between the student's and the teachers' actions; off: the student always acts."""
+    selection: Literal["thompson", "greedy"] = "thompson"
+    """thompson: by a draw of the posterior; greedy: by the mean critic, with no commitment (Hu et al. 2024)."""
+    segment: Annotated[int, Range(0)] = 0
+    """Control steps of an episode for which a choice is kept (20: a second); 0: every step chooses."""
     commit: bool = True
     """The controller commits to its last choice unless the posterior is sure enough; off: follow each sample."""
     estimator: Literal["paired", "gaussian"] = "paired"
@@ -138,27 +145,16 @@ class SRLConfig(DDPGConfig):
     """Observation precision tau of a TD target: of the alpha-divergence, and of the decay by length_scale."""
 
     def check(self, name: str) -> None:
-        """Also raises ValueError where posterior draws do not fall evenly on the members."""
+        """Also raises ValueError where posterior draws do not fall evenly on the members, or targets contradict."""
         super().check(name)
+        if self.values == "policy" and self.behaviour_target:
+            raise ValueError(
+                f"{name}.behaviour_target is True with {name}.values=policy, whose heads learn what it is worth to "
+                "follow one policy each: leave one out."
+            )
         for field in ("draws", "guidance_draws"):
             if (draws := getattr(self, field)) % self.critics:
                 raise ValueError(f"{name}.{field} is {draws}: it must be a multiple of critics={self.critics}.")
-
-
-ACTEACH = SRLConfig(
-    critics=1,
-    critic_updates=1,
-    init="random",
-    noisy_proposals=True,
-    shared_masks=False,
-    critic_loss="alpha",
-    dropout_update=True,
-    dropout=(0.1,),
-    guidance_weight=(0.0,),
-    prior_fraction=(0.0,),
-    draws=50,
-)
-"""AC-Teach (Kurenkov et al. 2019), SRL's parent: SRL without guidance, cloning or healthy replay."""
 
 
 @dataclass(frozen=True)

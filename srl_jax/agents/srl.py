@@ -12,22 +12,29 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from srl_jax.agents import ddpg, descent, ensemble, noise, posterior
+from srl_jax.agents import ddpg, descent, ensemble, following, noise, posterior
 from srl_jax.agents.ddpg import AgentState, student
-from srl_jax.agents.ensemble import critic_fn
 from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Metrics, Teacher
+from srl_jax.agents.selection import keep, proposals, select
 from srl_jax.agents.settings import SRLConfig
-from srl_jax.bayes import controller, dropout, thompson
+from srl_jax.bayes import dropout, thompson
 from srl_jax.types import ActState, Params, Transition
 
-init = ddpg.init
 METRICS = (*ddpg.METRICS, "p_guid")
 
 
-def proposals(actor: Params, observation: jax.Array, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
-    """``[pi_theta(s), pi_B1(s), ...]``, noise-free: f32[N + 1, A]."""
-    return jnp.stack([student(actor, observation, config=config), *(teacher(observation) for teacher in teachers)])
+def init(
+    key: jax.Array,
+    observation_size: int,
+    action_size: int,
+    *,
+    config: SRLConfig,
+    teachers: Sequence[Teacher] = (),
+) -> AgentState:
+    """Fresh networks, as `ddpg.init`; with `config.values` of policies the critics have a head for each of them."""
+    heads = following.heads(config, teachers)
+    return ddpg.init(key, observation_size, action_size, config=config, heads=heads)
 
 
 def act(
@@ -41,40 +48,24 @@ def act(
     step: jax.Array,
     teachers: Sequence[Teacher] = (),
 ) -> tuple[jax.Array, ActState]:
-    """Thompson's choice among the proposals, held to by the controller, plus exploration noise (Alg. 1).
+    """The choice among the proposals, plus exploration noise (Alg. 1).
 
-    Arguments and results as `ddpg.act`; ``guidance.choice`` of the result is 0 for the student, 1.. for teachers.
+    Arguments and results as `ddpg.act`; ``guidance.choice`` of the result is 0 for the student, 1.. for teachers. Where
+    a choice is kept for a segment, ``act_state.age`` is needed.
     """
-    mask_key, select_key, noise_key = jax.random.split(key, 3)
+    *select_keys, noise_key = jax.random.split(key, 3)
     actions = proposals(state.actor, observation, teachers, config=config)
     if config.noisy_proposals:
         noisy, act_state = noise.explore(actions[0], act_state, noise_key, hyper=hyper, step=step)
         actions = actions.at[0].set(noisy)
     guidance = act_state.guidance
     if config.select and len(actions) > 1:
-        masks = posterior.sample(mask_key, config=config, hyper=hyper, proposals=len(actions))
-        draws = dropout.q_draws(critic_fn(config), state.critic, observation, actions, masks)
-        guidance = choose(guidance, draws, select_key, config=config, hyper=hyper)
+        chosen = select(guidance, state.critic, observation, actions, select_keys, config=config, hyper=hyper)
+        guidance = keep(guidance, chosen, act_state.age, config.segment)
     act_state = act_state._replace(guidance=guidance)
     if config.noisy_proposals:
         return actions[guidance.choice], act_state
     return noise.explore(actions[guidance.choice], act_state, noise_key, hyper=hyper, step=step)
-
-
-def choose(guidance, draws: jax.Array, key: jax.Array, *, config: SRLConfig, hyper: Hyper):
-    """The controller's new state from posterior draws f32[M, N]; without commitment, Thompson's choice alone."""
-    if not config.commit:
-        return guidance._replace(choice=thompson.choose(draws, key))
-    guidance, _ = controller.select(
-        guidance,
-        draws,
-        key,
-        hyper=controller.Commitment(hyper.beta, hyper.psi),
-        estimator=config.estimator,
-        switch_rule=config.switch_rule,
-        fallback=config.fallback,
-    )
-    return guidance
 
 
 def next_action(state: AgentState, batch: Transition, teachers: Sequence[Teacher], *, config: SRLConfig) -> jax.Array:
@@ -84,10 +75,21 @@ def next_action(state: AgentState, batch: Transition, teachers: Sequence[Teacher
 
     def best(observation: jax.Array) -> jax.Array:
         actions = proposals(state.target_actor, observation, teachers, config=config)
-        q = jax.vmap(lambda a: dropout.mean_q(critic_fn(config), state.critic, observation, a))(actions)
-        return actions[jnp.argmax(q)]
+        return actions[jnp.argmax(posterior.means(state.critic, observation, actions, config=config))]
 
     return jax.vmap(best)(batch.next_observation)
+
+
+def td_target(
+    state: AgentState, batch: Transition, teachers: Sequence[Teacher], *, config: SRLConfig, hyper: Hyper
+) -> jax.Array:
+    """What the critics learn to predict: f32[K, B], or of all policies f32[K, B, N + 1]."""
+    if config.values == "policy":
+        propose = lambda o: proposals(state.target_actor, o, teachers, config=config)  # noqa: E731
+        actions = jax.vmap(propose)(batch.next_observation)
+        return following.td_target(state.target_critic, batch, actions, config=config, hyper=hyper)
+    chosen = next_action(state, batch, teachers, config=config)
+    return ensemble.td_target(state.target_critic, batch, chosen, config=config, hyper=hyper)
 
 
 def guidance(
@@ -101,7 +103,7 @@ def guidance(
     hyper: Hyper,
     step: jax.Array,
 ) -> tuple[jax.Array, jax.Array]:
-    """Who guides at every state, and how surely: ``p_guid(s) = P[Q(s, pi_n*(s)) > Q(s, pi(s))]``.
+    """Who guides at every state, and how surely: ``p_guid(s) = P[Q(s, pi_n*(s)) > Q(s, pi(s))]``, or of V_n* and V_0.
 
     The guide n* is the teacher whom the posterior mean holds to be the best there, ``argmax_n mean_m Q_m(s, pi_n(s))``,
     so that a second teacher takes nothing from the first where it has nothing better to say. Samples are the same for
@@ -125,20 +127,31 @@ def guidance(
         weight = jnp.maximum(1.0 - step / hyper.guidance_decay, 0.0)
         return jnp.full(len(action), weight), jnp.zeros(len(action), jnp.int32)
     if config.guidance_weighting == "mean":
-        mean = lambda a: jnp.mean(ensemble.q_values(critic, batch.observation, a, config=config), axis=0)  # noqa: E731
-        advised = jax.vmap(mean, 1, 1)(advice)
-        better = jnp.max(advised, axis=1) > mean(action)
+        own, advised = _means(critic, batch.observation, action, advice, config=config)
+        better = jnp.max(advised, axis=1) > own
         return jax.lax.stop_gradient((better.astype(action.dtype), jnp.argmax(advised, axis=1)))
     shape = (config.critics, config.guidance_draws // config.critics)
     masks = dropout.sample_masks(key, config.hidden, shape, hyper.dropout)
 
     def at_state(observation: jax.Array, own: jax.Array, others: jax.Array) -> tuple[jax.Array, jax.Array]:
         actions = jnp.concatenate([own[None], others])
-        draws = dropout.q_draws(critic_fn(config), critic, observation, actions, masks)
+        draws = posterior.draws(critic, observation, actions, masks, config=config)
         guide = jnp.argmax(jnp.mean(draws[:, 1:], axis=0))
         return thompson.probability_better(draws, guide + 1, 0, config.estimator), guide
 
     return jax.lax.stop_gradient(jax.vmap(at_state)(batch.observation, action, advice))
+
+
+def _means(
+    critic: Params, observation: jax.Array, action: jax.Array, advice: jax.Array, *, config: SRLConfig
+) -> tuple[jax.Array, jax.Array]:
+    """What the mean critic holds of the student f32[B] and of its teachers f32[B, N]."""
+    if config.values == "policy":
+        actions = jnp.concatenate([action[:, None], advice], axis=1)
+        both = jnp.mean(following.values(critic, observation, actions, config=config), axis=0)
+        return both[:, 0], both[:, 1:]
+    mean = lambda a: jnp.mean(ensemble.q_values(critic, observation, a, config=config), axis=0)  # noqa: E731
+    return mean(action), jax.vmap(mean, 1, 1)(advice)
 
 
 def update(
@@ -162,8 +175,7 @@ def update(
     critic_key, guidance_key = jax.random.split(key)
 
     def descend_critic(state: AgentState, part: Transition, key: jax.Array) -> tuple[AgentState, Metrics]:
-        chosen = next_action(state, part, teachers, config=config)
-        target = ensemble.td_target(state.target_critic, part, chosen, config=config, hyper=hyper)
+        target = td_target(state, part, teachers, config=config, hyper=hyper)
         loss = partial(posterior.critic_loss, batch=part, target=target, key=key, step=step, config=config, hyper=hyper)
         return ddpg.critic_step(state, loss, config=config, hyper=hyper)
 
@@ -173,7 +185,8 @@ def update(
 
     def actor_loss(params: Params) -> tuple[jax.Array, Metrics]:
         action = student(params, seen.observation, config=config)
-        q = jnp.mean(ensemble.q_values(state.critic, seen.observation, action, config=config))
+        q = ensemble.q_values(state.critic, seen.observation, action, config=config)
+        q = jnp.mean(following.students(q, config=config))
         if not guided:
             return -q, {"q": q, "p_guid": jnp.zeros(())}
         advice = jnp.stack([jax.vmap(teacher)(seen.observation) for teacher in teachers], axis=1)
@@ -193,8 +206,10 @@ def agent(config: SRLConfig) -> Agent:
     """SRL as the program knows it: DDPG's record with its own way to act, to learn and to fill a mini-batch."""
     return dataclasses.replace(
         ddpg.agent(config),
+        init=partial(init, config=config),
         act=partial(act, config=config),
         update=partial(update, config=config),
         metrics=METRICS,
         replays_healthy=max(config.prior_fraction) > 0.0,
+        timed=config.segment > 0,
     )

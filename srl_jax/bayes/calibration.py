@@ -84,6 +84,31 @@ def coverage(draws: ArrayLike, truths: ArrayLike, levels: ArrayLike = LEVELS, es
     return (smallest[None] <= wanted[:, None] + 1e-9).mean(1)  # a rank may lie on the interval's very end
 
 
+def expected_error(probability: ArrayLike, outcome: ArrayLike, bins: int = 10) -> float:
+    """Expected calibration error of probabilities: how far they lie from frequencies (Naeini et al. 2015).
+
+    ``sum_b n_b / n |mean outcome - mean probability|`` over bins of equal width; 0 for a calibrated one, up to noise.
+
+    Args:
+        probability: [n] in [0, 1].
+        outcome: bool[n].
+        bins: how many, at least 1.
+
+    Raises:
+        ValueError: shapes disagree, n is 0, a probability lies outside [0, 1], or there is no bin.
+    """
+    claimed, came = np.asarray(probability, np.float64), np.asarray(outcome)
+    if claimed.ndim != 1 or not claimed.size or came.shape != claimed.shape or came.dtype != bool or bins < 1:
+        raise ValueError(
+            f"probability has shape {claimed.shape}, outcome is {came.dtype}{list(came.shape)} and bins {bins}; they "
+            "must be [n] and bool[n] with n at least 1, and at least 1."
+        )
+    if not np.all((claimed >= 0.0) & (claimed <= 1.0)):
+        raise ValueError(f"probability lies in {claimed.min():g}..{claimed.max():g}; it must lie in 0..1.")
+    place = np.minimum((claimed * bins).astype(int), bins - 1)
+    return float(np.abs(np.bincount(place, came - claimed, bins)).sum() / claimed.size)
+
+
 def spread(draws: ArrayLike, inside: ArrayLike) -> Spread:
     """Predictive standard deviation where there were data and where there were none.
 

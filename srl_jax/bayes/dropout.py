@@ -40,14 +40,15 @@ def q_draws(critic: Critic, params: Params, observation: jax.Array, actions: jax
     """Posterior draws of Q(s, a) for several actions, every draw applied to all of them.
 
     Args:
-        critic: unbatched network, ``(params, observation, action, masks) -> f32[]``.
+        critic: unbatched network, ``(params, observation, action, masks) -> f32[]``, or f32[H] of several values.
         params: ensemble parameters with a leading axis K.
         observation: f32[O].
         actions: f32[N, A] proposals.
         masks: per hidden layer f32[K, J, H], or f32[K, J, N, H] for masks of their own per proposal.
 
     Returns:
-        f32[K * J, N]; row m is one posterior sample, ordered so that consecutive rows change the member first.
+        f32[K * J, N] (f32[K * J, N, H]); row m is one posterior sample, ordered so that consecutive rows change the
+        member first.
     """
     chex.assert_rank([observation, actions], [1, 2])
     own_masks = masks[0].ndim == 4
@@ -55,9 +56,9 @@ def q_draws(critic: Critic, params: Params, observation: jax.Array, actions: jax
     over_masks = jax.vmap(over_actions, (None, None, None, 0))
     over_members = jax.vmap(over_masks, (0, None, None, 0))
     draws = over_members(params, observation, actions, masks)
-    return jnp.swapaxes(draws, 0, 1).reshape(-1, actions.shape[0])
+    return jnp.swapaxes(draws, 0, 1).reshape(-1, *draws.shape[2:])
 
 
 def mean_q(critic: Critic, params: Params, observation: jax.Array, action: jax.Array) -> jax.Array:
-    """The ensemble's mean network (no mask) at one state and action: f32[]."""
-    return jnp.mean(jax.vmap(critic, (0, None, None, None))(params, observation, action, None))
+    """The ensemble's mean network (no mask) at one state and action: f32[], or f32[H] of several values."""
+    return jnp.mean(jax.vmap(critic, (0, None, None, None))(params, observation, action, None), axis=0)

@@ -21,7 +21,8 @@ from srl_jax.job.plan import make, parse_algos, parse_teachers
 from srl_jax.program.lanes import Lane
 from srl_jax.types import Params
 
-STUDENTS = ("srl", "ddpg_warm", "ddpg", "acteach")  # whose students are taken from a finished run, first found
+# Whose students are taken from a finished run, first found.
+STUDENTS = ("srl", "ddpg_warm", "ddpg", "acteach", "rlpd", "ibrl", "jsrl")
 RunJob = Callable[[Config, Path], bool]  # trains what a configuration says into a directory; whether it finished
 
 

@@ -48,14 +48,16 @@ def fresh_act_state(key: jax.Array) -> ActState:
 def act_rows(program: Program, lanes: LaneData, mode: Mode, state: TrainState) -> tuple[jax.Array, ActState]:
     """Every robot's action f32[R, E, 18]: its algorithm's, its student's, pi_B's or the tripod's, as the mode says."""
     keys = at_step(lanes.key, state.clock, Stream.ACT)
-    rows = (state.world.act, state.world.observation, keys, lanes.teachers)
+    told = state.world.act._replace(age=state.world.env.steps)
     actions, act_states = [], []
     for algo, own in program.layout.slices().items():
         lane = partial(act_lane, program, algo, mode, state.clock)
+        seen = told if program.agents[algo].timed else state.world.act
+        rows = (seen, state.world.observation, keys, lanes.teachers)
         mine = jax.tree.map(lambda x, own=own: x[own], rows)
         action, act_state = jax.vmap(lane)(state.agents[algo], mine, lanes.hyper[algo])
         actions.append(action)
-        act_states.append(act_state)
+        act_states.append(act_state._replace(age=None))  # which the robot's clock has
     return jnp.concatenate(actions), jax.tree.map(lambda *x: jnp.concatenate(x), *act_states)
 
 

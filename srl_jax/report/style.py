@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from srl_jax.report.data import Group
 
-NAMES = {"ddpg": "DDPG", "srl": "SRL", "acteach": "AC-Teach"}
+NAMES = {"ddpg": "DDPG", "srl": "SRL", "acteach": "AC-Teach", "rlpd": "RLPD", "ibrl": "IBRL", "jsrl": "JSRL"}
 # Okabe & Ito: told apart with common colour blindness. The paper's two methods look the same in all runs.
 FIXED = {"srl": "#0072B2", "ddpg": "#D55E00"}
 PALETTE = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444", "#0072B2", "#D55E00")

@@ -9,7 +9,8 @@ import pytest
 
 from srl_jax.agents import ensemble, posterior
 from srl_jax.agents.hyper import from_config
-from srl_jax.agents.settings import ACTEACH, SRLConfig
+from srl_jax.agents.rivals import ACTEACH
+from srl_jax.agents.settings import SRLConfig
 from srl_jax.bayes import dropout
 from tests.agents.reference import ACTION, BATCH, OBSERVATION, assert_same_movement, batch_of, loop_draws
 

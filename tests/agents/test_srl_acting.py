@@ -94,6 +94,26 @@ def test_a_refused_switch_counts_and_keeps_the_policy():
     assert (after.guidance.choice, after.guidance.refused) == (1, 1)
 
 
+@pytest.mark.parametrize(("slope", "before", "chosen"), [(1.0, 0, 1), (-1.0, 1, 0)])
+def test_the_greedy_choice_is_the_mean_critics_whatever_was_committed_to(slope, before, chosen):
+    never = dict(beta=1.0, psi=1.0, dropout=0.9)
+    for key in jax.random.split(KEY, 3):
+        _, after = decide(convinced(slope), change(selection="greedy"), key, before=idle(before), **never)
+        assert (after.guidance.choice, after.guidance.refused) == (chosen, 0)
+
+
+def test_a_choice_is_kept_for_a_segment():
+    config = change(segment=20)
+    for age, kept in ((0, False), (1, True), (19, True), (20, False), (40, False), (59, True)):
+        before = idle(0)._replace(age=jnp.int32(age))
+        action, after = decide(convinced(1.0), config, before=before, dropout=0.0)
+        assert after.guidance.choice == (0 if kept else 1), age
+        mean = own_action(convinced(1.0)) if kept else high(jnp.ones(OBSERVATION))
+        np.testing.assert_allclose(action, jnp.clip(mean + 0.1 * after.noise, -1, 1), atol=1e-6)
+    with pytest.raises(ValueError, match=r"segment is 20: it needs act_state\.age"):
+        decide(convinced(1.0), config)
+
+
 def test_noisy_proposals_make_the_student_pay_for_its_noise():
     config = change(noisy_proposals=True)
     action, after = decide(convinced(1.0), config, dropout=0.0)

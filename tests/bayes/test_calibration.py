@@ -8,7 +8,7 @@ import pytest
 
 from srl_jax.agents.networks import Critic
 from srl_jax.bayes import dropout
-from srl_jax.bayes.calibration import central_level, coverage, spread
+from srl_jax.bayes.calibration import central_level, coverage, expected_error, spread
 
 RNG = np.random.default_rng(0)
 LEVELS = (0.5, 0.8, 0.95)
@@ -49,6 +49,31 @@ def test_a_rank_at_the_end_of_an_interval_is_inside():
 def test_draws_without_spread_cover_only_themselves(estimator):
     np.testing.assert_array_equal(coverage(np.ones((19, 2)), [1.0, 1.1], (0.5,), estimator), [0.5])
     assert central_level(np.ones((19, 1)), [1.0], estimator)[0] == 0.0
+
+
+def test_expected_calibration_error_is_the_distance_of_probabilities_from_frequencies():
+    claimed = np.repeat([0.05, 0.45, 1.0], [10, 20, 10])
+    came = np.concatenate([np.arange(10) < 3, np.arange(20) < 9, np.arange(10) < 6])
+    assert expected_error(claimed, came) == pytest.approx((10 * 0.25 + 20 * 0.0 + 10 * 0.4) / 40)
+    assert expected_error(claimed, came, bins=1) == pytest.approx(abs(came.mean() - claimed.mean()))
+    honest = RNG.uniform(size=50_000)
+    assert expected_error(honest, RNG.uniform(size=50_000) < honest) < 0.02
+    assert expected_error(honest, RNG.uniform(size=50_000) < honest**2) == pytest.approx(1 / 6, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"outcome": np.ones(3)}, r"outcome is float64\[3\]"),
+        ({"outcome": np.ones(2, bool)}, r"probability has shape \(3,\), outcome is bool\[2\]"),
+        ({"bins": 0}, "bins 0"),
+        ({"probability": [0.1, 0.2, 1.2]}, r"probability lies in 0.1..1.2; it must lie in 0..1"),
+    ],
+)
+def test_what_is_no_probability_is_refused(changed, message):
+    given = {"probability": [0.1, 0.2, 0.3], "outcome": np.array([True, False, True]), "bins": 5} | changed
+    with pytest.raises(ValueError, match=message):
+        expected_error(given["probability"], given["outcome"], given["bins"])
 
 
 def test_spread_is_numpys():

@@ -118,16 +118,35 @@ def test_the_posterior_of_any_descendant_of_srl_is_judged_with_its_own_values(mi
         assert lane.policy(OBSERVATION).shape == lane.teacher(OBSERVATION).shape == (18,)
         assert {leaf.shape[0] for leaf in jax.tree.leaves(lane.critic)} == {config.critics}
         own = 10.0 * lane.dropout + lane.gamma + 0.01 * jax.random.normal(key, (visits,))
-        claimed = 10.0 * lane.dropout + 0.01 * jax.random.normal(key, (visits, draws))
-        return robot_posterior.Judged(jnp.full(visits, 0.6), claimed, own + 1.0, own), jnp.ones(visits, bool)
+        claimed = 10.0 * lane.dropout + 0.01 * jax.random.normal(key, (visits, draws, 2))
+        came = own[:, None] + jnp.array([0.0, 1.0, -2.0, 3.0])  # with pi_B for no step, one, a second, and all
+        return robot_posterior.Judged(jnp.full(visits, 0.6), claimed, came), jnp.ones(visits, bool)
 
     monkeypatch.setattr(robot_posterior, "judge", judged)
     robot_posterior.main(robot_posterior.Arguments(mixed, algo="acteach", seeds=2, robots=3, visits=4))
-    lines = {line.split("  ")[0].strip(): line.split() for line in capsys.readouterr().out.splitlines()}
-    for name, states in (("leg_rm dropout=0.1", "24"), ("leg_rm dropout=0.2", "24"), ("all", "48")):
-        cells = lines[name][len(name.split()) :]
-        assert cells[0] == states and cells[1] == "1.00"  # pi_B is better everywhere, by judgement
-        assert cells[-2] == "+0.90"  # the return is gamma, .9, above what was claimed
+    verdicts, worths = capsys.readouterr().out.split("Q of")
+    for name in ("leg_rm dropout=0.1", "leg_rm dropout=0.2", "all dropout=0.1", "all dropout=0.2"):
+        verdict, worth = (next(x for x in text.splitlines() if name in x).split() for text in (verdicts, worths))
+        assert verdict[2:5] == ["24", "1.00", "1.00"]  # pi_B's step is better everywhere, and is said to be
+        assert [x for x in verdict if x in ("1.00", "0.00")] == ["1.00", "1.00", "0.00", "1.00"]  # not its second
+        assert verdict[-1] == "0.40"  # where .6 was said
+        assert worth[6] == "+0.90", "the student's return is gamma, .9, above what was claimed"
+        assert worth[-2] == "+1.90", "and that of pi_B's step 1 more"
+
+
+def test_following_is_judged_by_what_comes_of_it():
+    rows = lambda *x: np.broadcast_to(np.float32(x), (1, 2, 6, len(x)))  # noqa: E731  [lane, robot, visit]
+    draws = np.linspace(-1.0, 1.0, 24, dtype=np.float32)[:, None] + np.float32([0.0, 3.0])
+    probability = np.tile(np.float32([0.0, 1.0]), 6).reshape(1, 2, 6)
+    came = rows(0.0, 0.0, 1.0, 2.5) * np.where(probability > 0.5, 1.0, -1.0)[..., None]
+    draws = np.broadcast_to(draws, (1, 2, 6, *draws.shape))
+    judged = robot_posterior.Judged(probability, draws, came)
+    alive = np.ones((1, 2, 6), bool)
+    verdict = robot_posterior.verdict_row("all", judged, alive, claimed=3)
+    assert verdict[1:] == ["12", "0.50", "0.00", "one outcome only", *("0.50", "1.00 [1.00, 1.00]") * 2, "0.00"]
+    worth = robot_posterior.worth_row("all", judged, alive, claimed=3)
+    assert worth[1] == "1.00 1.00 1.00" and worth[3] == "+0.00"
+    assert worth[5] == "0.50 0.50 0.50" and worth[7] == "-3.00", "pi_B returns 2.5 or -2.5, and 3 was believed"
 
 
 @pytest.mark.parametrize(
