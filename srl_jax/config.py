@@ -18,6 +18,7 @@ from srl_jax.env.settings import EnvConfig
 from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach")
+Preset = Literal["default", "paper", "robot", "smoke"]
 
 
 _SHIPPED: Any = registry.SHIPPED
