@@ -19,6 +19,7 @@ from srl_jax.env.settings import EnvConfig
 from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
 ACTOR_CRITICS = ("ddpg", "srl", "ddpg_warm", "acteach", "rlpd", "ibrl", "jsrl")
+Preset = Literal["default", "paper", "robot", "smoke"]
 
 
 _SHIPPED: Any = registry.SHIPPED

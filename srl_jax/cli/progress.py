@@ -85,7 +85,9 @@ class Display:
             name = f"{lane['algo']} {lane['variant']} seed {lane['seed']} {lane['damage']}"
             where = f"step {lane['step']} ({', '.join(lane['measured'])})"
             self.console.print(f"Lane {lane['lane']} ({name}) was not finite at {where}: that counts as failed.")
-        self.console.print(f"Files: {self.directory}  (curves.png, summary.json, metrics.csv)", soft_wrap=True)
+        self.console.print(
+            f"Files: {self.directory}  (report.html, curves.png, summary.json, metrics.csv)", soft_wrap=True
+        )
 
 
 def peak(machine: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tyro
 
@@ -13,7 +13,7 @@ from srl_jax.agents import registry
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.cli.signals import StopSignals
-from srl_jax.config import Config, preset
+from srl_jax.config import Config, Preset, preset
 from srl_jax.job import plan
 from srl_jax.job.files import differences, read_config
 
@@ -26,7 +26,7 @@ SHORT = {"--physics": "--env.physics"}  # options that may be given without thei
 class Arguments(Config):
     """Train DDPG and SRL on a damaged hexapod: every seed and every damage in one compiled program."""
 
-    preset: Literal["default", "paper", "robot", "smoke"] = "default"
+    preset: Preset = "default"
     """Where the other options start from: default (tuned for two cores), paper (its table as printed), robot (one robot
     after its damage: what it senses, an update a step), smoke."""
     out: str = ""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from srl_jax.config import Config
-from srl_jax.job import checkpoint, files, memory, tables, teachers
+from srl_jax.job import checkpoint, files, memory, page, tables, teachers
 from srl_jax.job import plan as plans
 from srl_jax.job.loop import Loop
 from srl_jax.job.plan import Plan
@@ -63,9 +63,11 @@ def run(
         if taught is None:
             return None
         loop = _maker(config, plan, devices, taught, listener, stopped)
-        return (
-            loop(plan.lanes, directory).go() if len(waves) == 1 else _in_waves(config, directory, devices, waves, loop)
-        )
+        whole = len(waves) == 1
+        summary = loop(plan.lanes, directory).go() if whole else _in_waves(config, directory, devices, waves, loop)
+        if summary is not None and (note := page.leave(directory)):
+            listener(Progress(directory, "summary", config.steps, config.steps, 0.0, 0.0, 0.0, {}, note))
+        return summary
 
 
 def _maker(config: Config, plan: Plan, devices: int, taught, listener: Listener, stopped) -> Callable[..., Loop]:

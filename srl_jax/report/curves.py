@@ -37,8 +37,7 @@ def save_curves(run: RunData, path: str | Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    metrics = ("eval/success", "eval/return") if run.task == "p2p" else ("eval/return", "eval/distance")
-    metrics = tuple(metric for metric in metrics if metric in run.metrics)
+    metrics = shown(run)
     if not metrics:
         raise ValueError(f"Nothing to draw: the run of task '{run.task}' has no eval/return and the like.")
     damages = list(dict.fromkeys(lane["damage"] for lane in run.lanes))
@@ -59,6 +58,12 @@ def save_curves(run: RunData, path: str | Path) -> None:
         title = f"Task {run.task}: interquartile mean of {pooled}, 95 % bootstrap band"
         _legend(figure, looks, title)
         style.save(figure, path)
+
+
+def shown(run: RunData) -> list[str]:
+    """The metrics of the large panels that the run has; the first is that of the small ones."""
+    metrics = ("eval/success", "eval/return") if run.task == "p2p" else ("eval/return", "eval/distance")
+    return [metric for metric in metrics if metric in run.metrics]
 
 
 def save_panels(runs: Sequence[RunData], metric: str, path: str | Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,21 +103,31 @@ def small(
         if damage is None:
             axes.set_axis_off()
             continue
-        _curves(axes, run, metric, looks, damage)
-        _references(axes, run, metric, damage)
-        _scale(axes, metric)
-        axes.set_title(damage, fontsize=9.5, color="#222222")
-        axes.locator_params(axis="x", nbins=3)
-        axes.xaxis.set_major_formatter(lambda x, _: thousands(x))
-        axes.tick_params(labelsize=8.5)
+        one(axes, run, metric, damage, looks)
         axes.label_outer()
     panels = list(grid.flat)[: len(damages)]
-    x, y = (np.array([getattr(axes, f"get_{name}lim")() for axes in panels]) for name in "xy")
-    for axes in panels:
-        axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
+    share_limits(panels)
     for axes in panels[-columns:]:  # a panel with an empty place below it shows the steps itself
         axes.tick_params(labelbottom=True)
     figure.supylabel(LABELS[metric], fontsize=10)
+
+
+def one(axes: Axes, run: RunData, metric: str, damage: str, looks: Looks) -> None:
+    """Draws a metric of a run under one damage."""
+    _curves(axes, run, metric, looks, damage)
+    _references(axes, run, metric, damage)
+    _scale(axes, metric)
+    axes.set_title(damage, fontsize=9.5, color="#222222")
+    axes.locator_params(axis="x", nbins=3)
+    axes.xaxis.set_major_formatter(lambda x, _: thousands(x))
+    axes.tick_params(labelsize=8.5)
+
+
+def share_limits(panels: Sequence[Axes]) -> None:
+    """Gives panels, which may stand in figures of their own, the limits that hold all of them."""
+    x, y = (np.array([getattr(axes, f"get_{name}lim")() for axes in panels]) for name in "xy")
+    for axes in panels:
+        axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
 
 
 def _scale(axes: Axes, metric: str) -> None:

@@ -46,9 +46,13 @@ def looks(groups: Iterable["Group"], named: Iterable["Group"]) -> dict["Group", 
             found[group] = {"linestyle": "-", "color": OTHERS}
             continue
         style, colour = ("-", fixed[group]) if group in fixed else next(free)
-        name = f"{NAMES.get(group.algo, group.algo)} {group.variant}".strip()
-        found[group] = {"linestyle": style, "color": colour, "label": name}
+        found[group] = {"linestyle": style, "color": colour, "label": name(group)}
     return found
+
+
+def name(group: "Group") -> str:
+    """What a method is called in figures and sentences."""
+    return f"{NAMES.get(group.algo, group.algo)} {group.variant}".strip()
 
 
 def thousands(steps: float) -> str:

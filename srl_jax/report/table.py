@@ -20,11 +20,12 @@ def format_table(summary: Mapping[str, Any]) -> list[list[str]]:
     keys = ("success", "return", area, "retained", "steps_to_finish")
     rows = [["method", "success", "return", "area", "retained", "steps to finish"]]
     for label, method in summary["methods"].items():
-        rows.append([label, *(_cell(key, method["overall"].get(key)) for key in keys)])
+        rows.append([label, *(cell(key, method["overall"].get(key)) for key in keys)])
     return rows
 
 
-def _cell(key: str, entry: Mapping[str, float | None] | None) -> str:
+def cell(key: str, entry: Mapping[str, float | None] | None) -> str:
+    """An entry of a summary as text, such as `.93 [.91, .95]`; `key` is its name there."""
     if entry is None:
         return "-"
     numbers = [entry["iqm"], entry["low"], entry["high"]]

@@ -48,7 +48,7 @@ class Pack:
 
     @property
     def done(self) -> bool:
-        """Whether it has been trained: the summary is the last file that a run writes but its curves."""
+        """Whether it has been trained: only curves and page are written after the summary."""
         return (self.directory / "summary.json").exists()
 
     @property

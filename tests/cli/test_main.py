@@ -59,6 +59,7 @@ DOORS = {
     "-m srl_jax run": "usage: srl-jax run",
     "-m srl_jax.run": "usage: srl-jax run",
     "-m srl_jax.repertoire": "usage: srl-jax repertoire",
+    "-m srl_jax.report": "usage: srl-jax report",
 }
 
 

@@ -1,10 +1,10 @@
-"""The figure of three tasks and the joint table, on runs that are finished or stand in for being trained."""
+"""The figure of three tasks, on runs that are finished or stand in for being trained."""
 
 import subprocess
 
 import pytest
 
-from experiments import compare, figure3
+from experiments import figure3
 from tests.report.runs import write
 
 METHODS = {("ddpg", ""): 0.2, ("srl", ""): 0.6}
@@ -36,14 +36,3 @@ def test_figure3_says_which_run_failed(tmp_path, monkeypatch):
     monkeypatch.setattr(subprocess, "run", lambda words: subprocess.CompletedProcess(words, 2))
     with pytest.raises(ValueError, match=r"--task x .* did not finish"):
         figure3.main(figure3.Arguments(runs=tmp_path))
-
-
-def test_compare_prints_one_table_and_draws_it(tmp_path, capsys):
-    runs = [write(tmp_path / algo, methods={(algo, ""): height}) for (algo, _), height in METHODS.items()]
-    compare.main(compare.Arguments(tuple(runs), out=tmp_path / "joint.png"))
-    printed = capsys.readouterr().out
-    assert "P(ddpg > srl) in area_success: 0.00 [0.00, 0.00]" in printed
-    assert "P(srl > ddpg) in area_return: 1.00 [1.00, 1.00]" in printed
-    assert (tmp_path / "joint.png").stat().st_size > 10_000
-    with pytest.raises(ValueError, match="both have the lane ddpg"):
-        compare.main(compare.Arguments((runs[0], runs[0])))

@@ -53,7 +53,8 @@ SHOWN = {  # a part of what is printed
     "tune_gait": "x_in_fine_c",
 }
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
-ELSEWHERE = {"atlases", "compare", "figure3", "losses21", "walking"}  # on runs that are finished: see the tests of their names
+# On runs that are finished: see the tests of their names.
+ELSEWHERE = {"atlases", "figure3", "losses21", "walking"}
 
 
 def test_every_experiment_has_a_smallest_form():

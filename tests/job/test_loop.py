@@ -13,7 +13,16 @@ from srl_jax.job.run import run
 from srl_jax.program.settings import EvaluationConfig
 from tests.job.finished import numbers
 
-FILES = {"config.json", "lanes.csv", "metrics.csv", "summary.json", "curves.png", "checkpoints", "videos"}
+FILES = {
+    "config.json",
+    "lanes.csv",
+    "metrics.csv",
+    "summary.json",
+    "curves.png",
+    "checkpoints",
+    "videos",
+    "report.html",
+}
 
 
 def test_a_run_leaves_its_files(smoke_run):
@@ -74,6 +83,7 @@ def test_lanes_that_do_not_fit_are_trained_in_waves(smoke_run, tmp_path):
     summary = run(config, directory, 1, listener=lambda status: notes.append(status.note))
     assert summary is not None and "in 2 waves of 2 lanes" in notes[0]
     assert summary["machine"]["waves"] == 2 and summary["machine"]["lanes"] == 4
+    assert "<dt>Waves</dt><dd>2</dd>" in (directory / "report.html").read_text()
     ours, theirs = numbers(directory), numbers(smoke_run[0])
     begun = {key: value for key, value in theirs.items() if key[0] == "0"}
     assert begun.keys() <= ours.keys() and len(ours) > len(begun)

@@ -6,6 +6,7 @@ import pytest
 
 from srl_jax.agents.settings import SRLConfig
 from srl_jax.job import plan
+from srl_jax.job.command import again
 from srl_jax.report.data import read_metrics
 from srl_jax.sweep import attempts, lease, merge
 from tests.sweep import packs
@@ -30,6 +31,7 @@ def test_all_packs_make_one_run(tmp_path):
     assert run.last("eval/return") == {lane.index: packs.value(lane, 1600) for lane in whole}
     assert (tmp_path / "s" / "merged" / "curves.png").stat().st_size > 10_000
     assert not (tmp_path / "s" / "merged" / "sensitivity.png").exists()
+    assert "<h1>s</h1>" in (tmp_path / "s" / "merged" / "report.html").read_text()
     before = contents(tmp_path / "s" / "merged")
     merge.merge(sweep)
     assert contents(tmp_path / "s" / "merged") == before
@@ -44,6 +46,7 @@ def test_what_is_missing_is_named_and_added_later(tmp_path):
     attempts.end(sweep.pack(1).task, 1, "OSError: no space")
     summary = merge.merge(sweep)
     about = summary["sweep"]
+    assert "2 of 3 packs are done" in (tmp_path / "s" / "merged" / "report.html").read_text()
     assert not about["complete"] and about["merged"] == 2
     assert [(x["pack"], x["state"], x["error"]) for x in about["missing"]] == [(1, "failed", "OSError: no space")]
     assert about["left_out"] and all("lanes that there are fill a table" in line for line in about["left_out"])
@@ -81,6 +84,8 @@ def test_points_of_a_grid_are_methods_of_their_own(tmp_path):
     assert last[12] == packs.value(plan.make(packs.BASE).lanes[0], 1600, point=1)
     found = {(x["algo"], x["value"]): x["iqm"] for x in summary["sweep"]["sensitivity"]}
     assert found["ddpg", "16"] > found["ddpg", "32,32"] + 900
+    page = (tmp_path / "s" / "merged" / "report.html").read_text()
+    assert all(again(point.config) in page for point in sweep.points) and "What was swept" in page
     assert (tmp_path / "s" / "merged" / "sensitivity.png").exists()
 
 
