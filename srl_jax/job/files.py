@@ -127,13 +127,16 @@ def read_config(directory: Path) -> tuple[Config, int]:
 def config_of(stored: dict[str, Any], path: Path) -> Config:
     """A configuration from the plain values that `dataclasses.asdict` made of it.
 
+    An algorithm that ships since then has its defaults: the run knows nothing of it.
+
     Raises:
         ValueError: the values are those of another version; the message names the `path` that they came from.
     """
     with _sentence(path):
         values = dict(stored)
         for name, kind in _SECTIONS.items():
-            values[name] = _section(kind, values[name])
+            if name in values or name not in registry.SHIPPED:
+                values[name] = _section(kind, values[name])
         values["more"] = {name: _section(type(registry.settings(name)), x) for name, x in values["more"].items()}
         return Config(**values)
 

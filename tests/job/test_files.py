@@ -149,6 +149,19 @@ BROKEN = {
 }
 
 
+def test_a_run_that_is_older_than_an_algorithm_is_read(tmp_path):
+    config = dataclasses.replace(preset("smoke"), algos="ddpg")
+    files.write_config(tmp_path, config, 1)
+    stored = json.loads((tmp_path / "config.json").read_text())
+    del stored["config"]["jsrl"]
+    (tmp_path / "config.json").write_text(json.dumps(stored))
+    assert files.read_config(tmp_path) == (config, 1)
+    del stored["config"]["env"]
+    (tmp_path / "config.json").write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match="of this version: 'env'"):
+        files.read_config(tmp_path)
+
+
 @pytest.mark.parametrize("case", BROKEN)
 def test_what_is_no_configuration_is_one_sentence(case, tmp_path):
     (tmp_path / "config.json").write_text(BROKEN[case])
