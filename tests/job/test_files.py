@@ -14,7 +14,7 @@ import pytest
 
 from srl_jax import machine
 from srl_jax.cli.ending import leave
-from srl_jax.config import preset
+from srl_jax.config import Config, preset
 from srl_jax.job import files
 from tests.job.conftest import DISK
 
@@ -155,7 +155,7 @@ def test_a_run_that_is_older_than_an_algorithm_is_read(tmp_path):
     stored = json.loads((tmp_path / "config.json").read_text())
     del stored["config"]["jsrl"]
     (tmp_path / "config.json").write_text(json.dumps(stored))
-    assert files.read_config(tmp_path) == (config, 1)
+    assert files.read_config(tmp_path) == (dataclasses.replace(config, jsrl=Config().jsrl), 1)
     del stored["config"]["env"]
     (tmp_path / "config.json").write_text(json.dumps(stored))
     with pytest.raises(ValueError, match="of this version: 'env'"):
