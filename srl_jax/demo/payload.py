@@ -12,6 +12,7 @@ from srl_jax.atlas.belief import Likelihood
 from srl_jax.atlas.file import Atlas
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, senses
+from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage import Damage
 from srl_jax.env.damage_names import HEALTHY, canonical, catalogue
 from srl_jax.env.hexapod import ACTION_SCALE, CONTROL_HZ, SUBSTEPS, UPRIGHT
@@ -61,10 +62,13 @@ def _leaves(whole: Any, name: str) -> dict[str, Any]:
 
 
 def reachable(names: Iterable[str], most: int = 3) -> list[str]:
-    """Damages that clicks may lead to: these, the catalogue, and up to `most` whole legs lost."""
-    legs = [f"leg_{leg}" for leg in ("rf", "rm", "rr", "lf", "lm", "lr")]
-    lost = ["+".join(some) for count in range(1, most + 1) for some in combinations(legs, count)]
-    return list(dict.fromkeys([*map(canonical, names), *catalogue(), *lost]))
+    """Damages that clicks may lead to: these, the catalogue, `most` whole legs lost, and two legs or tibiae."""
+    lost = [f"leg_{leg}" for leg in LEGS]
+    parts = [*lost, *(f"tibia_{leg}" for leg in LEGS)]
+    legs = [some for count in range(1, most + 1) for some in combinations(lost, count)]
+    pairs = [pair for pair in combinations(parts, 2) if pair[0][-2:] != pair[1][-2:]]
+    combined = [canonical("+".join(some)) for some in (*legs, *pairs)]
+    return list(dict.fromkeys([*map(canonical, names), *catalogue(), *combined]))
 
 
 def policy(own: Policy) -> dict[str, Any]:
@@ -119,7 +123,7 @@ def of_run(policies: Sequence[Policy], about: str) -> dict[str, Any]:
         sets.setdefault(own.about["method"], {}).setdefault(own.about["damage"], policy(own))
     first = policies[0].about
     learned = [
-        _method(name, name.upper() if name in ("srl", "ddpg") else name, "told", name, LEARNED.format(name))
+        _method(name, said := name.upper() if name in ("srl", "ddpg") else name, "told", name, LEARNED.format(said))
         for name in sets
         if name != "pi_B"
     ]

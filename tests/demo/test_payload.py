@@ -38,7 +38,9 @@ def test_policies_are_carried_at_half_precision():
 
 def test_clicks_lead_to_named_damages():
     names = payload.reachable(["tibia_rm+leg_lf"])
-    assert {"tibia_rm+leg_lf", "leg_rf+leg_rm+leg_rr", "femur_lm:locked", "leg_rr:limp"} <= set(names)
+    assert {"tibia_rm+leg_lf", "leg_rf+leg_rm+leg_rr", "femur_lm:locked", "leg_rr:limp", "leg_rf+tibia_lr"} <= set(
+        names
+    )
     assert len(names) == len(set(names))
 
 
