@@ -181,6 +181,8 @@ def check_numbers(config: Config) -> None:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
         raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
+    if env.history < 0:
+        raise ValueError(f"env.history is {env.history}: it must not be negative.")
     if not 0.0 <= env.stride_starts <= 1.0:
         raise ValueError(f"env.stride_starts is {env.stride_starts}: it must lie between 0 and 1.")
     low, high = env.goal_ring

@@ -78,6 +78,7 @@ def _check_run(directory: Path, config: Config) -> None:
     for name, mine, theirs in (
         ("task", config.task, stored.task),
         ("env.observation", config.env.observation, stored.env.observation),
+        ("env.history", config.env.history, stored.env.history),
     ):
         if mine != theirs:
             raise ValueError(f"behaviour {directory} was trained with {name}={theirs}, this run has {name}={mine}.")
