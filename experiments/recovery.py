@@ -9,7 +9,7 @@ tripod; recovered is no fall, and half of that in the last window. Rows are what
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 
-from experiments.recovering import figure, scores, timing
+from experiments.recovering import figure, generalists, scores, timing
 from experiments.recovering.methods import METHODS, scopes
 from experiments.recovering.rows import ROWS, Case, cases
 from srl_jax.atlas import file, recovery
@@ -32,6 +32,7 @@ from srl_jax.env import gait as gaits
 from srl_jax.env.senses import observation
 from srl_jax.job.apprentice import Apprentice
 
+Walk = Callable[[Sequence[Case], Sequence[CRobot], float], recovery.Story | None]  # None: there was nothing to think
 HZ = 20
 STRIKE = (20, 40)  # control steps of healthy walking before the damage
 WINDOWS = ((0.0, 1.0), (2.0, 7.0), (5.0, 10.0))  # seconds after the damage over which speed is taken
@@ -49,7 +50,9 @@ class Args:
     """Of foreseen, catalogue, left-out, pairs, triples, faults, kinds, weak, locks, short, dynamics, delay, lost, and
     healthy."""
     methods: tuple[str, ...] = ("learning", "posterior", "oracle", "nearest", "trials", "uniform", "healthy")
-    """Of these, thompson and foreseen-only."""
+    """Of these, thompson, foreseen-only, and generalist: the one policy of each run of --generalists."""
+    generalists: tuple[Path, ...] = ()
+    """Finished runs with --damage-mix."""
     robots: int = 63  # of each row
     seconds: float = 10.0  # after the damage; from 20 on, the last ten are shown too
     out: str = ""  # file for every robot's numbers (JSON)
@@ -89,9 +92,9 @@ def main(args: Args) -> None:
     """Walks all robots by every method and prints a table for each row.
 
     Raises:
-        ValueError: the atlas cannot be read, or a row or method is unknown.
+        ValueError: the atlas cannot be read, a row or method is unknown, or a run's policies cannot walk these robots.
     """
-    for field, given, known in (("rows", args.rows, ROWS), ("methods", args.methods, METHODS)):
+    for field, given, known in (("rows", args.rows, ROWS), ("methods", args.methods, (*METHODS, generalists.NAME))):
         unknown = [name for name in given if name not in known]
         if unknown or not given:
             raise ValueError(f"{field} has {', '.join(unknown) or 'nothing'}: choose from {', '.join(known)}.")
@@ -102,13 +105,13 @@ def main(args: Args) -> None:
     if args.timing:
         print(timing.report(atlas))
         return
-    apprentice = Apprentice(atlas) if any(METHODS[name].learns for name in args.methods) else None
+    walks = walks_of(args, atlas)
     windows = [*WINDOWS, *([(args.seconds - 10.0, args.seconds)] if args.seconds >= 20.0 else [])]
     windows = [(first, min(last, args.seconds)) for first, last in windows if first < args.seconds]
     times = np.array([t for t in (0.5, 1, 1.5, 2, 3, 4, 5, 7, 10, 13, 16, 20, 25, 30, 40, 60) if t <= args.seconds])
     curves, kept = {}, {}
     for name in args.rows:
-        kept[name], curves[name] = row(args, atlas, apprentice, name, windows, times)
+        kept[name], curves[name] = row(args, atlas, walks, name, windows, times)
     if args.out:
         about = {"atlas": atlas.about, "windows": windows, "times": times.tolist()}
         Path(args.out).write_text(json.dumps(about | {"retained": kept, "curves": curves}))
@@ -116,10 +119,24 @@ def main(args: Args) -> None:
         figure.save(Path(args.figure), times, curves, {name: ROWS[name].said for name in args.rows})
 
 
+def walks_of(args: Args, atlas: Atlas) -> dict[str, Walk]:
+    """How robots go on by every method that is asked for; all runs of generalists stand where that method does."""
+    if args.generalists and generalists.NAME not in args.methods:
+        raise ValueError(f"generalists are given, and methods lacks {generalists.NAME}: add it, or leave them out.")
+    apprentice = Apprentice(atlas) if any(METHODS[name].learns for name in args.methods if name in METHODS) else None
+    found: dict[str, Walk] = {}
+    for name in args.methods:
+        if name == generalists.NAME:
+            found |= generalists.methods(args.generalists)
+        else:
+            found[name] = partial(_walk, atlas, name, apprentice)
+    return found
+
+
 def row(
     args: Args,
     atlas: Atlas,
-    apprentice: Apprentice | None,
+    walks: Mapping[str, Walk],
     name: str,
     windows: Sequence[tuple[float, float]],
     times: np.ndarray,
@@ -128,29 +145,40 @@ def row(
     lots = cases(name, args.robots)
     standard = standards(atlas, lots)
     print(f"\n{name}: {ROWS[name].said}; {len(lots)} robots, healthy under the tripod {np.mean(standard):.3f} m/s")
-    print(f"{'method':<14} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
+    wide = max(14, *map(len, walks))
+    print(f"{'method':<{wide}} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
     kept, curves = {}, {}
-    for method in args.methods:
+    for method, walk in walks.items():
         bodies, began = bodies_of(lots), perf_counter()
-        story = _walk(atlas, method, lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds, apprentice)
+        story = walk(lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds)
         shares = [scores.retained(bodies, window, standard) for window in windows]
         cells = "".join(f"{scores.interval(share):<19}" for share in shares)
         recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
-        print(f"{method:<14} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
-        inside, right, count = scores.calibration(bodies, story)
-        print(f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}")
-        if method == args.methods[0]:
-            _found(atlas, lots, bodies, story)
+        print(f"{method:<{wide}} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
+        if story:
+            inside, right, count = scores.calibration(bodies, story)
+            print(
+                f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}"
+            )
+            if method == next(iter(walks)):
+                _found(atlas, lots, bodies, story)
         curves[method] = scores.curve(bodies, times, standard).tolist()
         kept[method] = [share.round(4).tolist() for share in shares]
-    first, *others = (np.array(shares[-1]) for shares in kept.values())
-    won = [f"{m} {scores.better(first, s)}" for m, s in zip(args.methods[1:], others, strict=True)]
+    (best, first), *others = ((method, np.array(shares[-1])) for method, shares in kept.items())
+    won = [f"{method} {scores.better(first, own)}" for method, own in others]
     if won:
-        print(f"  {args.methods[0]} kept more than {', '.join(won)}")
+        print(f"  {best} kept more than {', '.join(won)}")
     return kept, curves
 
 
-def _walk(atlas: Atlas, method: str, lots, bodies, seconds: float, apprentice: Apprentice | None):
+def _walk(
+    atlas: Atlas,
+    method: str,
+    apprentice: Apprentice | None,
+    lots: Sequence[Case],
+    bodies: Sequence[CRobot],
+    seconds: float,
+) -> recovery.Story:
     how = METHODS[method]
     learn = apprentice.learn if how.learns and apprentice else False
     each = scopes(atlas, how, lots, bodies)

@@ -42,9 +42,12 @@ class Config:
     registered, separated by commas."""
     damage: str = "task"
     """Names such as tibia_rm,leg_rm+leg_lf and sets: task (the paper's, all six legs), all (the catalogue), losses21,
-    joints, limp (legs), triples (three legs lost); sets may be joined: losses21+limp."""
+    joints, limp (legs), triples (three legs lost), healthy; sets may be joined: losses21+limp."""
     damage_schedule: str = ""
     """Damage that changes in the middle of the run: healthy@0,tibia_rm@20000,leg_rm@40000 (replaces damage)."""
+    damage_mix: str = ""
+    """Damages of the robots of one lane, each with its own, drawn anew whenever it starts: names and sets as of damage,
+    such as losses21+joints+healthy (replaces damage)."""
     steps: int = 50_000
     """Environment steps of each lane."""
     behaviour: str = "gait"

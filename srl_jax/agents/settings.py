@@ -193,6 +193,7 @@ class ITEConfig(AgentSettings):
 
     tasks: ClassVar[tuple[str, ...] | None] = ("x", "xy")  # its gaits walk straight ahead
     episode_steps: ClassVar[int | None] = 100  # the map's fitness is the distance of 5 s
+    one_damage: ClassVar[bool] = True  # what one trial tells, the next goes by
 
     repertoire: str = ""
     """The map, a file made by ``python -m srl_jax.repertoire``; empty: the one that ships with the package."""

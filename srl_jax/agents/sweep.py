@@ -61,6 +61,7 @@ class AgentSettings:
     tasks: ClassVar[tuple[str, ...] | None] = None  # it can do no others
     episode_steps: ClassVar[int | None] = None  # it needs episodes of exactly this length
     first_teacher: ClassVar[str | None] = None  # it needs this one as pi_B
+    one_damage: ClassVar[bool] = False  # all robots of a lane must carry the same
     solves: ClassVar[bool] = True  # it may solve linear systems, by LAPACK (see `cli.devices`)
 
     def __post_init__(self) -> None:

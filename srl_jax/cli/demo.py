@@ -66,6 +66,8 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         if Path(source).is_dir() and source:
             policies = export.from_run(Path(source), seed=arguments.seed)
             about = policies[0].about
+            if about["history"]:
+                raise ValueError(f"{source} has env.history={about['history']}: the page's robot keeps none, give 0.")
             made = f"Policies of {about['command']}, seed {arguments.seed}."
             shown.append(payload.of_run(policies, f"{made} {checked(policies, None)}"))
             named += [own.about["damage"] for own in policies]

@@ -80,6 +80,7 @@ def task_set(task: str) -> tuple[str, ...]:
 def named_sets(task: str) -> dict[str, Callable[[], tuple[str, ...]]]:
     """Sets of damages that a command line may name."""
     return {
+        HEALTHY: lambda: (HEALTHY,),
         "task": lambda: task_set(task),
         "all": catalogue,
         "losses21": losses21,

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
+from srl_jax.env import history as histories
 from srl_jax.env import physics, senses
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
@@ -43,6 +44,7 @@ class EnvState(NamedTuple):
     phase: jax.Array  # f32[] gait clock in [0, 1)
     steps: jax.Array  # i32[] control steps since reset
     goal: jax.Array  # f32[2] m, p2p only
+    history: jax.Array | None = None  # f32[K, R + 18] of the last control steps, where the observation tells of them
 
 
 class EnvStep(NamedTuple):
@@ -84,6 +86,7 @@ def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax
         phase=jax.random.uniform(phase_key),
         steps=jnp.zeros((), jnp.int32),
         goal=tasks.sample_goal(robot.task, robot.config, goal_key),
+        history=histories.none(robot.config.history, robot.config.observation),
     )
     return state, observe(robot, damage, state)
 
@@ -122,7 +125,10 @@ def advance(
     """Clock, reward and ends of a step whose physics is done; shared by MJX and C rollouts."""
     task, config = robot.task, robot.config
     phase = jnp.mod(before.phase + robot.clock_hz / CONTROL_HZ, 1.0)
-    after = after._replace(phase=phase, steps=before.steps + 1)
+    history = before.history
+    if history is not None:
+        history = histories.push(history, sensed(robot, damage, before), action)
+    after = after._replace(phase=phase, steps=before.steps + 1, history=history)
     progress = tasks.distance(task, after.qpos[:2], after.goal) - tasks.distance(task, before.qpos[:2], before.goal)
     success = tasks.succeeded(task, config, after.qpos[:2], after.goal)
     fell = rotation(after.qpos[3:7])[2, 2] < UPRIGHT
@@ -178,17 +184,34 @@ def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
 
 def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """The observation f32[O], see `senses.observation`."""
-    velocity = jnp.matmul(rotation(state.qpos[3:7]).T, state.qvel[:3], precision="highest")
+    velocity = _velocity(state)
     return senses.observation(
         feel(robot, damage, state),
         state.phase,
         task=robot.task,
         kind=robot.config.observation,
         beyond=senses.Beyond(velocity, state.qpos[2]),
+        history=state.history,
     )
 
 
+def sensed(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
+    """What of the observation is sensed of the body, f32[R], see `senses.reading`."""
+    beyond = senses.Beyond(_velocity(state), state.qpos[2])
+    return senses.reading(feel(robot, damage, state), kind=robot.config.observation, beyond=beyond)
+
+
+def _velocity(state: EnvState) -> jax.Array:
+    """Of the base, f32[3] m/s in the body frame."""
+    return jnp.matmul(rotation(state.qpos[3:7]).T, state.qvel[:3], precision="highest")
+
+
 def observation_size(task: str, config: EnvConfig) -> int:
-    """O for a task and kind of observation."""
-    onboard = 4 + (task == "p2p") + 3 + ACTION_SIZE
-    return onboard + {"onboard": 0, "rates": 3 + ACTION_SIZE, "full": 3 + 3 + ACTION_SIZE + 1}[config.observation]
+    """O for a task, kind of observation and history."""
+    now = 4 + (task == "p2p") + senses.reading_size(config.observation)
+    return now + config.history * histories.row_size(config.observation)
+
+
+def state_size(config: EnvConfig) -> int:
+    """Numbers of an `EnvState`."""
+    return 25 + 24 + 24 + 1 + 1 + 2 + config.history * histories.row_size(config.observation)

@@ -45,7 +45,7 @@ def felt(senses: Senses) -> jax.Array:
     return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
-def layout(task: str, kind: str) -> list[tuple[str, int]]:
+def layout(task: str, kind: str, history: int = 0) -> list[tuple[str, int]]:
     """What an observation is made of, in order: names and sizes; see `observation`."""
     parts = [("clock: sin, cos", 2), ("direction: ahead, left", 2)]
     if task == "p2p":
@@ -57,16 +57,26 @@ def layout(task: str, kind: str) -> list[tuple[str, int]]:
         parts += [("0.3 x gyroscope, rad/s", 3), ("0.1 x joint speeds, rad/s", len(JOINTS))]
     if kind == "full":
         parts.append(("10 x height, m", 1))
+    if history:
+        parts.append(
+            ("what was sensed and done in the control steps before", history * (reading_size(kind) + len(JOINTS)))
+        )
     return parts
 
 
-def observation(senses: Senses, phase: jax.Array, *, task: str, kind: str, beyond: Beyond | None = None) -> jax.Array:
+def observation(
+    senses: Senses,
+    phase: jax.Array,
+    *,
+    task: str,
+    kind: str,
+    beyond: Beyond | None = None,
+    history: jax.Array | None = None,
+) -> jax.Array:
     """The observation f32[O], components of order one.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
-    and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).
-    `rates` adds the gyroscope (3) and joint velocities (18); `full` base velocity (3, before them) and height (1, last)
-    too.
+    and for p2p the distance (m, at most 2); then the `reading`; last the control steps before, if there is a history.
 
     Args:
         senses: what is felt.
@@ -74,21 +84,45 @@ def observation(senses: Senses, phase: jax.Array, *, task: str, kind: str, beyon
         task: x, xy or p2p.
         kind: onboard, rates or full.
         beyond: for `full`.
+        history: f32[K, R + 18], see `env.history`.
 
     Raises:
         ValueError: `full`, and nobody says what no sensor tells.
     """
-    if kind == "full" and beyond is None:
-        raise ValueError(f"observation is {kind!r}: a robot's sensors give onboard or rates.")
     angle = 2.0 * jnp.pi * phase
-    parts = [jnp.stack([jnp.sin(angle), jnp.cos(angle)]), senses.towards]
+    parts: list[Array] = [jnp.stack([jnp.sin(angle), jnp.cos(angle)]), senses.towards]
     if task == "p2p":
         parts.append(jnp.minimum(senses.distance, 2.0)[None])
-    parts += [senses.gravity, senses.joints]
+    parts += _reading(senses, kind, beyond)
+    if history is not None:
+        parts.append(history.reshape(-1))
+    return jnp.concatenate(parts)
+
+
+def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None) -> jax.Array:
+    """What of the observation is sensed of the body, f32[R].
+
+    Gravity in the body frame (3) and joint angles about the stance (18). `rates` adds the gyroscope (3) and joint
+    velocities (18); `full` base velocity (3, before them) and height (1, last) too. Arguments and errors as
+    `observation`.
+    """
+    return jnp.concatenate(_reading(senses, kind, beyond))
+
+
+def _reading(senses: Senses, kind: str, beyond: Beyond | None) -> list[Array]:
+    if kind == "full" and beyond is None:
+        raise ValueError(f"observation is {kind!r}: a robot's sensors give onboard or rates.")
+    parts: list[Array] = [senses.gravity, senses.joints]
     if beyond is not None and kind == "full":
         parts.append(beyond.velocity)
     if kind != "onboard":
         parts += [0.3 * senses.gyroscope, 0.1 * senses.speeds]
     if beyond is not None and kind == "full":
         parts.append(10.0 * beyond.height[None])
-    return jnp.concatenate(parts)
+    return parts
+
+
+def reading_size(kind: str) -> int:
+    """R of a kind of observation."""
+    joints = len(JOINTS)
+    return 3 + joints + {"onboard": 0, "rates": 3 + joints, "full": 3 + 3 + joints + 1}[kind]

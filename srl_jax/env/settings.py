@@ -20,6 +20,9 @@ class EnvConfig:
     observation: Literal["full", "onboard", "rates"] = "full"
     """onboard: only what the real robot senses (joint angles, clock, gravity, goal direction); rates: with what its
     gyroscope and servos say of speeds; full: base velocity and height too, which no sensor of its has."""
+    history: int = 0
+    """Control steps that the observation also tells of: what was sensed and done in them, oldest first; zeros before
+    the robot was there."""
     goal_ring: tuple[float, float] = (1.5, 1.9)
     """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15

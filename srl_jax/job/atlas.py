@@ -28,7 +28,7 @@ def from_run(directory: Path, out: Path, *, command: str = "") -> Atlas:
         command: that makes it again, for the record.
 
     Raises:
-        ValueError: the run has no healthy lane, sees what no robot senses, or is not finished.
+        ValueError: the run has no healthy lane, sees what no robot senses or a history, or is not finished.
     """
     run = students.open_run(directory)
     lanes = [lane for algo in run.algos[:1] for lane in run.lanes_of(algo)]
@@ -42,6 +42,10 @@ def from_run(directory: Path, out: Path, *, command: str = "") -> Atlas:
     lanes.sort(key=lambda lane: (names.index(lane.damage), lane.seed))
     learned = [run.learned(lane)["actor"] for lane in lanes]
     actors = jax.tree.map(lambda *leaves: jnp.stack(leaves), *learned)
+    if run.config.env.history:
+        raise ValueError(
+            f"{directory} was trained with env.history={run.config.env.history}; an atlas' policies see none."
+        )
     agent = run.config.agent(run.algos[0])
     assert isinstance(agent, ActorConfig)
     walked = matrix.measure(

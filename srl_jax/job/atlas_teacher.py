@@ -18,7 +18,7 @@ def load(name: str, config: Config) -> Atlas:
     """The atlas that a teacher's name asks for.
 
     Raises:
-        ValueError: it cannot be read, was made for another task or observation, or the damage changes on the way.
+        ValueError: it cannot be read, was made for another task or observation, or a lane has more than one damage.
     """
     atlas = file.load(name.partition(":")[2])
     for field, mine in (("task", config.task), ("observation", config.env.observation)):
@@ -26,8 +26,13 @@ def load(name: str, config: Config) -> Atlas:
             raise ValueError(
                 f"behaviour is {name!r}: its atlas was made with {field}={atlas.about[field]}, not {mine}."
             )
-    if config.damage_schedule:
-        raise ValueError(f"behaviour is {name!r}: it names a policy for one damage; leave damage_schedule out.")
+    if config.env.history:
+        raise ValueError(
+            f"behaviour is {name!r}: its policies see no history; leave env.history={config.env.history} out."
+        )
+    for field in ("damage_schedule", "damage_mix"):
+        if getattr(config, field):
+            raise ValueError(f"behaviour is {name!r}: it names a policy for one damage; leave {field} out.")
     return atlas
 
 

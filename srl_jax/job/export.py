@@ -48,7 +48,7 @@ def from_run(directory: Path, *, seed: int | None = None, algos: tuple[str, ...]
 def _student(run: Run, lane: Lane) -> Policy:
     env = run.config.env
     made = {"algo": lane.algo, "method": lane.method, "damage": run.damage(lane), "seed": lane.seed}
-    facts = _facts(run.config.task, env.observation, run.robot.clock_hz)
+    facts = _facts(run.config.task, env.observation, run.robot.clock_hz, env.history)
     command = f"srl-jax run, {run.config.steps:,} steps of {lane.method}"
     about = made | facts | {"command": command, "versions": machine.versions()}
     return Policy(layers(run.learned(lane)["actor"]), about)
@@ -66,11 +66,12 @@ def from_atlas(atlas: Atlas) -> dict[str, Policy]:
     return found
 
 
-def _facts(task: str, observation: str, clock_hz: float) -> dict[str, Any]:
+def _facts(task: str, observation: str, clock_hz: float, history: int = 0) -> dict[str, Any]:
     return {
         "task": task,
         "kind": observation,
-        "observation": layout(task, observation),
+        "observation": layout(task, observation, history),
+        "history": history,
         "action_scale": list(ACTION_SCALE) * 6,
         "clock_hz": float(clock_hz),
         "control_hz": CONTROL_HZ,

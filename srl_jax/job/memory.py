@@ -11,8 +11,12 @@ from srl_jax.agents import registry
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.config import Config
-from srl_jax.env.hexapod import ACTION_SIZE, observation_size
+from srl_jax.env import damage as damages
+from srl_jax.env.damage_names import HEALTHY
+from srl_jax.env.hexapod import ACTION_SIZE, observation_size, state_size
+from srl_jax.job.plan import parse_mix
 from srl_jax.program import replay as replays
+from srl_jax.program import strides
 from srl_jax.program.lanes import Lane, lay_out
 from srl_jax.program.replay import Sizes
 from srl_jax.program.state import tuned_tripod
@@ -27,28 +31,38 @@ class Bytes(NamedTuple):
     agents: int
     checkpoint: int
     program: int
+    mix: int = 0  # damages that robots draw from, and what starts there are of each
 
     def __str__(self) -> str:
-        parts = " + ".join(f"{value / 2**30:.2f} GiB {name}" for name, value in self._asdict().items())
+        some = {name: value for name, value in self._asdict().items() if value or name != "mix"}
+        parts = " + ".join(f"{value / 2**30:.2f} GiB {name}" for name, value in some.items())
         return f"{parts} = {sum(self) / 2**30:.2f} GiB"
 
 
 def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
     """The arithmetic for lanes that are trained at once: their replays and networks."""
-    replay, copied, agents = 0, 0, 0
+    replay, copied, agents, mixes = 0, 0, 0, 0
     for algo, count in lay_out(lanes, devices).counts:
         rows = count * devices
         agents += rows * agent_bytes(config, algo)
+        mixes += rows * mix_bytes(config)
         if registry.agent(config.agent(algo)).replays:
             replay += rows * replay_bytes(config, config.train.capacity)
             copied += rows * replay_bytes(config, min(config.train.capacity, config.steps))
-    return Bytes(replay, agents, copied + agents, BASE)
+    return Bytes(replay, agents, copied + agents, BASE, mixes)
 
 
 def replay_bytes(config: Config, capacity: int) -> int:
     """Bytes of one lane's replay of so many transitions."""
     size = observation_size(config.task, config.env)
     return replays.size(capacity, config.train.environments, Sizes(size, ACTION_SIZE, config.env.episode_steps))
+
+
+def mix_bytes(config: Config) -> int:
+    """Bytes of one lane's mix of damages, and of the robots in mid-stride that episodes start from; 0 without a mix."""
+    own = sum(leaf.nbytes for leaf in damages.build(HEALTHY))
+    starts = strides.COUNT * 4 * state_size(config.env) if config.env.stride_starts else 0
+    return len(parse_mix(config)) * (own + starts)
 
 
 def agent_bytes(config: Config, algo: str) -> int:

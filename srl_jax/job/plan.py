@@ -11,7 +11,7 @@ from srl_jax.agents.sweep import variants
 from srl_jax.config import Config
 from srl_jax.env import damage_names
 from srl_jax.env.settings import TASKS
-from srl_jax.program.lanes import Lane
+from srl_jax.program.lanes import MIX, Lane
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,17 @@ def table(
 
 
 def parse_damages(config: Config) -> tuple[str, ...]:
-    """The damages that lanes differ by; a schedule is one."""
+    """The damages that lanes differ by; a schedule is one, and so is a mix."""
+    if config.damage_mix:
+        return (MIX,)
     if config.damage_schedule:
         return (">".join(f"{name}@{start}" for start, name in parse_schedule(config)),)
     return damage_names.parse_names(config.damage, config.task)
+
+
+def parse_mix(config: Config) -> tuple[str, ...]:
+    """The damages that the robots of every lane draw from; none where each lane has one damage."""
+    return damage_names.parse_names(config.damage_mix, config.task) if config.damage_mix else ()
 
 
 def parse_part(text: str) -> tuple[int, int]:
@@ -150,6 +157,8 @@ def check(config: Config) -> None:
     if config.task not in TASKS:
         raise ValueError(f"task is {config.task!r}: choose from {', '.join(TASKS)}.")
     check_numbers(config)
+    if parse_mix(config) and config.damage_schedule:
+        raise ValueError(f"damage_mix is {config.damage_mix!r}: it does not go with damage_schedule; leave one out.")
     for algo in parse_algos(config.algos):
         check_algorithm(algo, config)
 
@@ -181,6 +190,8 @@ def check_numbers(config: Config) -> None:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
         raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
+    if env.history < 0:
+        raise ValueError(f"env.history is {env.history}: it must not be negative.")
     if not 0.0 <= env.stride_starts <= 1.0:
         raise ValueError(f"env.stride_starts is {env.stride_starts}: it must lie between 0 and 1.")
     low, high = env.goal_ring
@@ -200,6 +211,11 @@ def check_algorithm(algo: str, config: Config) -> None:
         raise ValueError(
             f"env.episode_steps is {config.env.episode_steps}: {algo} compares its episodes with walks of "
             f"{agent.episode_steps} steps and needs as many."
+        )
+    if agent.one_damage and config.damage_mix:
+        raise ValueError(
+            f"damage_mix is {config.damage_mix!r}: {algo} finds out about one damage, which all robots of a lane must "
+            "have; use damage instead."
         )
     if agent.first_teacher not in (None, parse_teachers(config)[0]):
         raise ValueError(f"behaviour is {config.behaviour!r}: {algo} needs {agent.first_teacher}, first.")

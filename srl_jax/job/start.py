@@ -13,6 +13,7 @@ from srl_jax.blocks import blocked_map
 from srl_jax.config import Config
 from srl_jax.env import hexapod
 from srl_jax.env.hexapod import ACTION_SIZE
+from srl_jax.job import plan
 from srl_jax.job.teachers import Behaviour
 from srl_jax.program import replay as replays
 from srl_jax.program import tally as tallies
@@ -36,6 +37,7 @@ def make_program(config: Config, layout: Layout, teachers: Sequence[Behaviour]) 
         settings=config.train,
         mesh=mesh,
         wide=mesh.devices.flat[0].platform != "cpu",
+        mix=plan.parse_mix(config),
     )
 
 

@@ -55,7 +55,16 @@ class Run:
         return found
 
     def damage(self, lane: Lane) -> str:
-        """The damage under which a lane learned last."""
+        """The damage under which a lane learned last.
+
+        Raises:
+            ValueError: its robots had different ones.
+        """
+        if self.config.damage_mix:
+            raise ValueError(
+                f"{self.directory} was trained with damage_mix={self.config.damage_mix}: its lanes have no damage of "
+                "their own; give a run with damage."
+            )
         return self.plan.damage(lane, self.config.steps - 1)
 
     def learned(self, lane: Lane) -> dict[str, Any]:

@@ -52,10 +52,11 @@ def check(config: Config) -> None:
     wanted = parse_teachers(config)
     if len(set(wanted)) < len(wanted):
         raise ValueError(f"behaviour is {config.behaviour!r}: name each teacher once.")
-    if "repertoire" in wanted and config.damage_schedule:
-        raise ValueError(
-            "behaviour repertoire tries gaits on one damage and does not go with damage_schedule; leave one out."
-        )
+    for field in ("damage_schedule", "damage_mix"):
+        if "repertoire" in wanted and getattr(config, field):
+            raise ValueError(
+                f"behaviour repertoire tries gaits on one damage and does not go with {field}; leave one out."
+            )
     if "repertoire" in wanted or "ite" in parse_algos(config.algos):
         from srl_jax.ite.agent import prior_map
 
@@ -79,6 +80,7 @@ def _check_run(directory: Path, config: Config) -> None:
     for name, mine, theirs in (
         ("task", config.task, stored.task),
         ("env.observation", config.env.observation, stored.env.observation),
+        ("env.history", config.env.history, stored.env.history),
     ):
         if mine != theirs:
             raise ValueError(f"behaviour {directory} was trained with {name}={theirs}, this run has {name}={mine}.")
@@ -114,7 +116,8 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
 
 def _healthy_run(config: Config) -> Config:
     """Learns a healthy policy per seed by SRL, guided by the gait."""
-    healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", damage_schedule="", part="")
+    healthy = dataclasses.replace(config, behaviour="gait", algos="srl", damage="healthy", part="")
+    healthy = dataclasses.replace(healthy, damage_schedule="", damage_mix="")
     return dataclasses.replace(healthy, srl=first_values(healthy.srl))
 
 

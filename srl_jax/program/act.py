@@ -12,7 +12,7 @@ from srl_jax.bayes import controller
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE, EnvState
-from srl_jax.program import strides
+from srl_jax.program import mix, strides
 from srl_jax.program.randomness import Stream, at_step
 from srl_jax.program.state import Episode, LaneData, Mode, Program, TrainState, World, bind_teachers, tuned_tripod
 from srl_jax.types import ActState
@@ -21,19 +21,22 @@ START_ACT = 1  # of a robot's key: what acting draws at the start of an episode
 
 
 def init_world(program: Program, keys: jax.Array, damage: Damage, starts: EnvState | None) -> World:
-    """Fresh robots at the start of an episode, R rows of E, from the robots' keys key[R, E]."""
+    """Fresh robots at the start of an episode, R rows of E, from the robots' keys key[R, E]; each draws of a mix."""
 
     def robot(key: jax.Array, damage_: Damage, starts_: EnvState | None):
+        number = mix.draw(len(program.mix), key) if program.mix else None
+        if number is not None:
+            damage_, starts_ = mix.taken((damage_, starts_), number)
         env, observation = hexapod.reset(program.robot, damage_, key)
         if starts_ is not None:
             env = strides.begin(program.robot, starts_, env, key)
             observation = hexapod.observe(program.robot, damage_, env)
-        return env, observation, fresh_act_state(jax.random.fold_in(key, START_ACT))
+        return env, observation, fresh_act_state(jax.random.fold_in(key, START_ACT)), number
 
     lanes = jax.vmap(jax.vmap(robot, (0, None, None)))
-    env, observation, act = lanes(keys, damage, starts)
+    env, observation, act, number = lanes(keys, damage, starts)
     zeros = jnp.zeros(keys.shape)
-    return World(env, act, observation, Episode(zeros, jnp.copy(zeros), jnp.copy(zeros)))
+    return World(env, act, observation, Episode(zeros, jnp.copy(zeros), jnp.copy(zeros)), number)
 
 
 def fresh_act_state(key: jax.Array) -> ActState:

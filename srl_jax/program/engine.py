@@ -1,5 +1,6 @@
 """The program on its devices: compiled once, with its rows' constants laid beside it."""
 
+import itertools
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -17,9 +18,9 @@ from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import ACTION_SIZE, EnvState
-from srl_jax.program import strides
+from srl_jax.program import mix, strides
 from srl_jax.program.act import init_world
-from srl_jax.program.lanes import Lane, Layout
+from srl_jax.program.lanes import MIX, Lane, Layout
 from srl_jax.program.randomness import lane_keys, per_robot
 from srl_jax.program.state import AXIS, LaneData, Mode, Program, TrainState, World, on_all, on_rows, rows_sharding
 from srl_jax.program.step import make_chunk
@@ -114,11 +115,11 @@ def lane_data(
         settings: of every algorithm.
         teachers: for each of the program's teachers, the parameters of n lanes, leaves [n, ...].
         stream: name of the stream.
-        damage_names: one per row.
+        damage_names: one per row; `MIX` is the program's.
     """
     layout = program.layout
     chosen = {algo: [dict(lane.variant) for lane in layout.of(algo)] for algo in layout.algos}
-    damage = damage_rows(damage_names)
+    damage = damage_rows(damage_names, program.mix)
     data = LaneData(
         key=lane_keys(layout.rows, stream),
         damage=damage,
@@ -130,17 +131,25 @@ def lane_data(
     return on_rows(program, data)
 
 
-def damage_rows(names: Sequence[str]) -> Damage:
-    """One damage per row; each name is built once."""
-    unique = list(dict.fromkeys(names))
+def damage_rows(names: Sequence[str], mixed: Sequence[str] = ()) -> Damage:
+    """The damage of rows, leaves [R, ...]; each name is built once.
+
+    Args:
+        names: one per row.
+        mixed: M damages, where robots of a row may carry different ones: leaves [R, M, ...]. A row called `MIX` has all
+            of them, and a row of any other name has that one M times.
+    """
+    each = [mixed if name == MIX else [name] * max(len(mixed), 1) for name in names]
+    unique = list(dict.fromkeys(itertools.chain(*each)))
     place = {name: index for index, name in enumerate(unique)}
-    index = np.array([place[name] for name in names])
+    index = np.array([[place[name] for name in own] for own in each])
+    index = index if mixed else index[:, 0]
     return jax.tree.map(lambda x: x[index], damages.stack(unique))
 
 
 def with_damage(program: Program, lanes: LaneData, names: Sequence[str]) -> LaneData:
     """The same rows under other damage, one name per row."""
-    damage = damage_rows(names)
+    damage = damage_rows(names, program.mix)
     return lanes._replace(**on_rows(program, {"damage": damage, "starts": in_mid_stride(program, damage)}))
 
 
@@ -148,7 +157,13 @@ def in_mid_stride(program: Program, damage: Damage) -> EnvState | None:
     """Robots of every row that walked when their damage struck, where some episodes start from such."""
     if program.robot.config.stride_starts == 0.0:
         return None
-    return strides.make(program.robot, damage, lane_keys(program.layout.rows, "strides"))
+    keys = lane_keys(program.layout.rows, "strides")
+    if not program.mix:
+        return strides.make(program.robot, damage, keys)
+    # Row by row: every damage of a mix has as many starts, and those of all rows would be too many robots at once.
+    each = per_robot(keys, 0, len(program.mix))
+    rows = [strides.make(program.robot, mix.taken(damage, row), each[row]) for row in range(len(each))]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *rows)
 
 
 def with_stream(program: Program, lanes: LaneData, stream: str) -> LaneData:

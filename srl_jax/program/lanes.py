@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+MIX = "mix"  # the damage of a lane whose robots carry different ones
 Variant = tuple[tuple[str, float], ...]
 
 

@@ -49,11 +49,11 @@ class LaneData(NamedTuple):
     """What distinguishes the rows and does not change while a chunk runs. R rows in all, n of one algorithm."""
 
     key: jax.Array  # key[R] stream of the lane's randomness
-    damage: Damage  # leaves [R, ...]
+    damage: Damage  # leaves [R, ...]; of a mix of M damages [R, M, ...]
     hyper: dict[str, Hyper]  # leaves [n]
     teachers: tuple[Params, ...]  # parameters of each teacher, leaves [R, ...]
     prior: dict[str, Transition]  # leaves [n, P, ...]: healthy transitions, for algorithms that replay them
-    starts: EnvState | None = None  # leaves [R, S, ...]: robots in mid-stride, where some episodes start from such
+    starts: EnvState | None = None  # leaves [R, S, ...] or [R, M, S, ...]: robots in mid-stride, as some episodes start
 
 
 class Episode(NamedTuple):
@@ -71,6 +71,7 @@ class World(NamedTuple):
     act: ActState  # leaves [R, E, ...]
     observation: jax.Array  # f32[R, E, O]
     episode: Episode  # leaves [R, E]
+    drawn: jax.Array | None = None  # i32[R, E] which damage of their lane's mix they carry; None: there is one
 
 
 class TrainState(NamedTuple):
@@ -94,6 +95,7 @@ class Program:
     settings: TrainConfig
     mesh: Mesh
     wide: bool  # an accelerator: no blocks
+    mix: tuple[str, ...] = ()  # M damages that every lane's robots draw from; none: a lane has one damage
 
     @property
     def environments(self) -> int:

@@ -11,6 +11,7 @@ from srl_jax.blocks import blocked_map
 from srl_jax.env import hexapod, physics
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, EnvStep
+from srl_jax.program import mix
 from srl_jax.program import replay as replays
 from srl_jax.program.act import act_rows, init_world
 from srl_jax.program.learn import learn_episodes, take_turn
@@ -53,14 +54,14 @@ def vector_step(
 ) -> tuple[TrainState, Tally]:
     """One control step of every robot on this device, and what is learned from it."""
     action, act_state = act_rows(program, lanes, mode, state)
-    env, step = simulate_rows(program, lanes.damage, state.world.env, action)
+    env, step = simulate_rows(program, lanes.damage, state.world, action)
 
     finite = jnp.isfinite(step.observation).all((1, 2)) & jnp.isfinite(step.reward).all(1)
     alive = state.alive & finite
     episodes = ended_episodes(program, state, act_state, env, step, alive & mode.learn)
     agents = learn_episodes(program, lanes, state.agents, episodes)
     tally, episode = count_step(tally, state.world.episode, act_state, step, alive, first_only=~mode.store)
-    after = World(env, act_state, step.observation, episode)
+    after = state.world._replace(env=env, act=act_state, observation=step.observation, episode=episode)
     world = auto_reset(program, lanes, state, after, step, alive)
 
     memory = remember(program, lanes, state, action, act_state, step, world, mode.store & alive)
@@ -73,12 +74,16 @@ def vector_step(
     return jax.lax.cond(due, partial(take_turn, program, lanes), lambda s, t: (s, t), state, tally)
 
 
-def simulate_rows(program: Program, damage: Damage, env: EnvState, action: jax.Array) -> tuple[EnvState, EnvStep]:
+def simulate_rows(program: Program, damage: Damage, world: World, action: jax.Array) -> tuple[EnvState, EnvStep]:
     """One control step of all robots, in blocks that fit the cache; physics is traced here and only here."""
     count = program.environments
     block = 0 if program.wide else physics.together(program.robot.star, program.settings.physics_block * count)
     # One flat axis of robots: with lanes and robots as two axes, MJX's small products are a sixth slower.
-    rows = (jax.tree.map(lambda x: jnp.repeat(x, count, axis=0), damage), *_flat((env, action)))
+    if world.drawn is None:
+        own = jax.tree.map(lambda x: jnp.repeat(x, count, axis=0), damage)
+    else:
+        own = _flat(jax.vmap(mix.taken)(damage, world.drawn))
+    rows = (own, *_flat((world.env, action)))
     flat = blocked_map(lambda args: jax.vmap(partial(hexapod.step, program.robot))(*args), rows, block)
     return jax.tree.map(lambda x: x.reshape(-1, count, *x.shape[1:]), flat)
 

@@ -15,10 +15,10 @@ from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
 from srl_jax.program.state import tuned_tripod
 
-COUNT = 32  # of every row
+COUNT = 32  # of every damage of a row
 WALK = (10, 40)  # control steps before the damage strikes
 UNAWARE = 20  # control steps at most that the tripod goes on after it
-TAKE, PICK = 2, 3  # of a robot's key: whether it starts in mid-stride, and from which
+TAKE, PICK = 2, 3  # of a robot's key (4: `mix`): whether it starts in mid-stride, and from which
 
 
 def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:

@@ -7,7 +7,8 @@ import jax
 import numpy as np
 
 from srl_jax.evaluate import rollout_c
-from srl_jax.program.lanes import Lane
+from srl_jax.program import mix
+from srl_jax.program.lanes import MIX, Lane
 from srl_jax.program.randomness import lane_keys
 from srl_jax.program.state import LaneData, Program, TrainState, student
 from srl_jax.report import video
@@ -49,7 +50,7 @@ def save_videos(
         state: whose students act.
         lanes: whose teachers they may ask.
         chosen: method -> lane, from `median_lanes`.
-        damages: lane index -> the damage in force at the end.
+        damages: lane index -> the damage in force at the end; of a mix one is drawn.
     """
     directory.mkdir(exist_ok=True)
     paths = []
@@ -64,6 +65,8 @@ def save_videos(
         )
         policy = student(program, lane.algo, actor, params)
         damage, key = damages[lane.index], lane_keys([lane], "video")[0]
+        if damage == MIX:
+            damage = program.mix[int(mix.draw(len(program.mix), key))]
         rollout = rollout_c(program.robot, damage, policy, key, program.robot.config.episode_steps)
         frames = video.render(rollout, damage, goal_radius=program.robot.config.goal_radius, size=SIZE)
         path = directory / f"{method.replace(' ', '-')}-{damage.replace(':', '-')}-seed{lane.seed}.mp4"

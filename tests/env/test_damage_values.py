@@ -166,6 +166,7 @@ def test_sets_and_lists_for_the_command_line():
 def test_sets_may_be_joined_and_share_members():
     assert damage_names.parse_names("losses21+limp", "x") == (*damage_names.losses21(), *LIMP)
     assert damage_names.parse_names("healthy, limp", "x") == ("healthy", *LIMP)
+    assert damage_names.parse_names("limp+healthy", "x") == (*LIMP, "healthy")
     assert damage_names.parse_names("all+triples", "x")[-20:] == damage_names.lost(3)
     assert len(damage_names.parse_names("all,leg_rm+leg_lf", "x")) == 76
     with pytest.raises(ValueError, match="unknown part 'losses21'"):

@@ -13,8 +13,8 @@ from srl_jax.job import atlas
 from tests.job.untrained import write
 
 
-def config_of(damage, observation="onboard"):
-    base, env = preset("smoke"), EnvConfig(observation=observation)
+def config_of(damage, observation="onboard", history=0):
+    base, env = preset("smoke"), EnvConfig(observation=observation, history=history)
     return dataclasses.replace(base, task="x", algos="srl", seeds="1", damage=damage, env=env)
 
 
@@ -39,4 +39,7 @@ def test_a_run_that_is_no_atlas_says_why(tmp_path):
     write(config_of("healthy", "full"), tmp_path / "full")
     with pytest.raises(ValueError, match=r"env\.observation=full, which no robot senses"):
         atlas.from_run(tmp_path / "full", tmp_path / "atlas.npz")
+    write(config_of("healthy", history=1), tmp_path / "history")
+    with pytest.raises(ValueError, match=r"env\.history=1; an atlas' policies see none"):
+        atlas.from_run(tmp_path / "history", tmp_path / "atlas.npz")
     assert not (tmp_path / "atlas.npz").exists()

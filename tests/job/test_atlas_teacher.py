@@ -67,6 +67,8 @@ def test_what_the_matrix_lacks_is_walked_in_simulation_once_for_all_lanes_of_a_d
         ({"task": "p2p"}, "its atlas was made with task=x, not p2p"),
         ({"env": EnvConfig(observation="full")}, "made with observation=onboard, not full"),
         ({"damage_schedule": "healthy@0,leg_rm@800"}, "leave damage_schedule out"),
+        ({"damage_mix": "losses21"}, "leave damage_mix out"),
+        ({"env": EnvConfig(observation="onboard", history=2)}, "its policies see no history; leave env.history=2 out"),
     ],
 )
 def test_an_atlas_that_does_not_fit_is_refused(path, fields, said):

@@ -41,8 +41,10 @@ def test_it_says_what_the_policy_needs(finished):
 
 @pytest.mark.parametrize("task", ["x", "p2p"])
 @pytest.mark.parametrize("kind", ["onboard", "rates", "full"])
-def test_the_layout_counts_as_the_observation_does(task, kind):
-    assert sum(size for _, size in senses.layout(task, kind)) == observation_size(task, EnvConfig(observation=kind))
+@pytest.mark.parametrize("history", [0, 3])
+def test_the_layout_counts_as_the_observation_does(task, kind, history):
+    told = sum(size for _, size in senses.layout(task, kind, history))
+    assert told == observation_size(task, EnvConfig(observation=kind, history=history))
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,14 @@ def test_schedule_is_in_force_from_its_steps_on():
     ]
 
 
+def test_a_mix_is_one_lane_a_seed_and_takes_sets_as_damage_does():
+    mixed = config(seeds="2", algos="srl", damage_mix="losses21+joints+healthy")
+    assert [lane.damage for lane in plan.make(mixed).lanes] == ["mix", "mix"] and plan.counts(mixed) == {"srl": 2}
+    mix = plan.parse_mix(mixed)
+    assert mix == plan.parse_damages(config(damage="losses21+joints+healthy")) and len(set(mix)) == len(mix) == 70
+    assert plan.parse_mix(config()) == ()
+
+
 BAD = {
     "algos is 'dqn'": {"algos": "dqn"},
     "algos is 'srl,srl'": {"algos": "srl,srl"},
@@ -66,6 +74,13 @@ BAD = {
     "write name@step": {"damage_schedule": "healthy"},
     "begin at 0": {"damage_schedule": "healthy@8"},
     "multiples of train.environments": {"damage_schedule": "healthy@0,leg_rm@15"},
+    "has the unknown part 'losses22'": {"damage_mix": "losses22+healthy"},
+    "damage_mix is 'limp': it does not go with damage_schedule": {
+        "damage_mix": "limp",
+        "damage_schedule": "healthy@0,leg_rm@800",
+    },
+    "damage_mix is 'limp': ite finds out about one damage": {"damage_mix": "limp", "algos": "ite", "task": "x"},
+    "env.history is -1: it must not be negative": {"env": EnvConfig(history=-1)},
     "evaluation.episodes is 0": {"evaluation": EvaluationConfig(episodes=0)},
     "task is 'p2p': ite does x and xy only": {"algos": "ite"},
     "env.episode_steps is 40: ite": {"algos": "ite", "task": "x", "env": EnvConfig(episode_steps=40)},

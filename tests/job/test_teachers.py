@@ -7,7 +7,7 @@ import pytest
 
 from srl_jax.config import preset
 from srl_jax.env.settings import EnvConfig
-from srl_jax.job import plan
+from srl_jax.job import files, plan
 from srl_jax.job import teachers as sources
 from srl_jax.program.lanes import Lane
 
@@ -26,11 +26,23 @@ def test_the_first_teacher_named_is_pi_b():
         ({"behaviour": "gait,gait"}, "name each teacher once"),
         ({"behaviour": "nothing-here"}, "give gait, train, repertoire, atlas, atlas-others, or the directory"),
         ({"behaviour": "repertoire", "damage_schedule": "healthy@0,leg_rm@800"}, "does not go with damage_schedule"),
+        ({"behaviour": "repertoire", "damage_mix": "losses21"}, "does not go with damage_mix"),
     ],
 )
 def test_unusable_teachers_are_refused(fields, said):
     with pytest.raises(ValueError, match=said):
         sources.check(config(**fields))
+
+
+def test_a_run_that_saw_another_history_teaches_nobody(tmp_path):
+    files.write_config(tmp_path, config(env=EnvConfig(history=4)), 1)
+    with pytest.raises(ValueError, match=r"was trained with env\.history=4, this run has env\.history=0"):
+        sources.check(config(behaviour=str(tmp_path)))
+
+
+def test_the_healthy_teacher_of_a_mix_has_no_mix():
+    healthy = sources.MADE["train"](config(behaviour="train", damage_mix="losses21"))
+    assert {lane.damage for lane in plan.make(healthy).lanes} == {"healthy"}
 
 
 def test_a_missing_repertoire_is_refused(tmp_path):

@@ -1,0 +1,37 @@
+"""The control steps that a robot has behind it, as part of what its policy sees.
+
+A policy that sees one moment cannot know that a servo does not do what it is told; one that sees what was sensed and
+done in the last steps can. The same functions serve the training program and robots outside of it.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from srl_jax.env.anatomy import JOINTS
+from srl_jax.env.senses import reading_size
+
+
+def row_size(kind: str) -> int:
+    """Numbers of one control step: what was sensed before it, and the action."""
+    return reading_size(kind) + len(JOINTS)
+
+
+def none(steps: int, kind: str) -> jax.Array | None:
+    """The history f32[K, R + 18] of a robot that has just been put there: zeros. None for K = 0: nothing is carried.
+
+    Args:
+        steps: K.
+        kind: of the observation.
+    """
+    return jnp.zeros((steps, row_size(kind))) if steps else None
+
+
+def push(history: jax.Array, reading: jax.Array, action: jax.Array) -> jax.Array:
+    """The history after one control step more; the oldest is dropped, the newest stands last.
+
+    Args:
+        history: f32[K, R + 18] before.
+        reading: f32[R] sensed before the step, see `senses.reading`.
+        action: f32[18] taken in it.
+    """
+    return jnp.concatenate([history[1:], jnp.concatenate([reading, action])[None]])
