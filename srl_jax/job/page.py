@@ -9,7 +9,7 @@ from typing import Any
 from srl_jax.job.command import asked
 from srl_jax.job.files import read_json, replaced
 from srl_jax.report.complete import complete
-from srl_jax.report.content import Asked, Content, Source
+from srl_jax.report.content import Content, Source
 from srl_jax.report.data import RunData, read_metrics
 from srl_jax.report.files import read_settings
 from srl_jax.report.join import join
@@ -18,15 +18,13 @@ from srl_jax.report.summary import summarise
 
 NAME = "report.html"
 SUMMARY = "summary.json"
+MANIFEST = "sweep.json"  # of a sweep, beside the directory into which it is merged
 
 
-def leave(directory: Path, name: str = "", points: Sequence[Asked] = ()) -> str:
-    """Writes the page of a run beside its files; a sentence where that fails, which does not undo the run.
-
-    The arguments are those of `of_run`.
-    """
+def leave(directory: Path) -> str:
+    """Writes the page of a run beside its files; a sentence where that fails, which does not undo the run."""
     try:
-        write(of_run(directory, name, points), directory / NAME)
+        write(of_run(directory), directory / NAME)
     except Exception as error:  # whatever is wrong with its page, the run is finished
         return f"{NAME} could not be made: {error}"
     return ""
@@ -40,13 +38,8 @@ def write(content: Content, path: Path) -> None:
         file.write(text)
 
 
-def of_run(directory: Path, name: str = "", points: Sequence[Asked] = ()) -> Content:
-    """What the page of one run shows.
-
-    Args:
-        directory: of a run; one that is not finished is shown as far as it is.
-        name: of the run; that of the directory if empty.
-        points: what the runs were told that it was put together from; what its own config.json says if none.
+def of_run(directory: Path) -> Content:
+    """What the page of one run shows; of a run that is not finished, as far as it is.
 
     Raises:
         ValueError: the directory is no run's, or nothing of it can be shown yet.
@@ -60,8 +53,7 @@ def of_run(directory: Path, name: str = "", points: Sequence[Asked] = ()) -> Con
     sweep = summary.get("sweep", {})
     if sweep.get("missing"):
         notes.append(f"{sweep['merged']} of {sweep['packs']} packs are done; the others are missing here.")
-    source = _source(directory, name or directory.resolve().name, points, summary)
-    return Content(run, summary, [source], finished, [*notes, *left_out])
+    return Content(run, summary, [_source(directory, summary)], finished, [*notes, *left_out])
 
 
 def of_runs(directories: Sequence[Path]) -> Content:
@@ -73,12 +65,9 @@ def of_runs(directories: Sequence[Path]) -> Content:
     with tempfile.TemporaryDirectory() as folder:
         join(directories, Path(folder))
         run = read_metrics(folder)
-    summaries = [_summary(directory) for directory in directories]
-    names = [directory.resolve().name for directory in directories]
-    if len(set(names)) < len(names):
-        names = [str(directory) for directory in directories]
-    told = zip(directories, names, summaries, strict=True)
-    sources = [_source(directory, name, (), summary) for directory, name, summary in told]
+    sources = [_source(directory, _summary(directory)) for directory in directories]
+    if len({source.name for source in sources}) < len(sources):
+        sources = [x._replace(name=str(directory)) for x, directory in zip(sources, directories, strict=True)]
     return Content(run, summarise(run), sources, finished=True)
 
 
@@ -89,10 +78,14 @@ def _summary(directory: Path) -> dict[str, Any]:
     return json.loads(path.read_text())
 
 
-def _source(directory: Path, name: str, points: Sequence[Asked], summary: dict[str, Any]) -> Source:
+def _source(directory: Path, summary: dict[str, Any]) -> Source:
+    home, told = directory.resolve(), [asked(read_settings(directory))]
+    name, manifest = home.parent.name if "sweep" in summary else home.name, home.parent / MANIFEST
+    if "sweep" in summary and manifest.exists():  # config.json has the settings of the first of its points alone
+        told = [asked(point["config"], point["label"]) for point in json.loads(manifest.read_text())["points"]]
     parts = read_json(directory).get("parts", [])
     videos = sorted(directory.glob("videos/*.mp4")) + sorted(directory.glob("wave-*/videos/*.mp4"))
-    return Source(name, points or [asked(read_settings(directory))], parts, summary.get("machine", {}), videos)
+    return Source(name, told, parts, summary.get("machine", {}), videos)
 
 
 def _waves(directory: Path, notes: list[str]) -> RunData:

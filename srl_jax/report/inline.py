@@ -47,9 +47,9 @@ DASHES = {"-": "", "-.": "10 3 2 3"}  # of a line in the table; others are lengt
 
 
 class Drawn(NamedTuple):
-    """The curves of a run."""
+    """The curves of a run as SVG."""
 
-    large: list[str]  # one per metric
+    large: dict[str, str]  # what it shows -> the panel of a metric
     small: dict[str, str]  # damage -> its panel, where there are several
     looks: Looks  # how each method is drawn
 
@@ -61,35 +61,43 @@ def draw(run: RunData) -> Drawn:
         ValueError: lanes do not fill seeds x damages.
     """
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
 
     metrics = curves.shown(run)
     if not metrics:
-        return Drawn([], {}, style.looks(run.groups, list(run.groups)[: curves.NAMED]))
+        return Drawn({}, {}, style.looks(run.groups, list(run.groups)[: curves.NAMED]))
     looks = style.looks(run.groups, curves.highest([run], metrics[0]))
     damages = list(dict.fromkeys(lane["damage"] for lane in run.lanes))
     with rc_context(RC):
-        large = [Figure(figsize=LARGE, layout="constrained") for _ in metrics]
-        for figure, metric in zip(large, metrics, strict=True):
-            panels.large(figure.subplots(), run, metric, looks)
-        small = [Figure(figsize=SMALL) for _ in damages] if len(damages) > 1 else []
-        # Places are fixed: to find them anew for every one of 76 panels would take seconds.
-        places = {"left": 0.18, "right": 0.97, "top": 0.97, "bottom": 0.15}
-        axes = [figure.subplots(gridspec_kw=places) for figure in small]
-        for own, damage in zip(axes, damages, strict=False):
-            panels.one(own, run, metrics[0], damage, looks)
-            own.set_title("")  # stands above it in the page, where long names are broken
-        if small:
-            panels.share_limits(axes)
-        names = [f"{panels.LABELS[metric]} against environment steps" for metric in metrics]
-        return Drawn(
-            svgs(large, names, "large"), dict(zip(damages, svgs(small, damages, "small"), strict=False)), looks
-        )
+        large = {f"{panels.LABELS[x]} against environment steps": _large(run, x, looks) for x in metrics}
+        small = _small(run, metrics[0], damages, looks) if len(damages) > 1 else {}
+        return Drawn(_svgs(large, "large"), _svgs(small, "small"), looks)
 
 
-def svgs(figures: Sequence[Figure], names: Sequence[str], prefix: str) -> list[str]:
-    """Figures as elements of a page, on which no two have the same name inside."""
-    return [_svg(f, name, f"{prefix}{n}-") for n, (f, name) in enumerate(zip(figures, names, strict=False))]
+def _large(run: RunData, metric: str, looks: Looks) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=LARGE, layout="constrained")
+    panels.large(figure.subplots(), run, metric, looks)
+    return figure
+
+
+def _small(run: RunData, metric: str, damages: Sequence[str], looks: Looks) -> dict[str, Figure]:
+    from matplotlib.figure import Figure
+
+    figures = {damage: Figure(figsize=SMALL) for damage in damages}
+    # Places are fixed: to find them anew for every one of 76 panels would take seconds.
+    places = {"left": 0.18, "right": 0.97, "top": 0.97, "bottom": 0.15}
+    axes = {damage: figure.subplots(gridspec_kw=places) for damage, figure in figures.items()}
+    for damage, own in axes.items():
+        panels.one(own, run, metric, damage, looks)
+        own.set_title("")  # stands above it in the page, where long names are broken
+    panels.share_limits(list(axes.values()))
+    return figures
+
+
+def _svgs(figures: Mapping[str, Figure], prefix: str) -> dict[str, str]:
+    # No two elements of the page have the same name inside.
+    return {label: _svg(figure, label, f"{prefix}{n}-") for n, (label, figure) in enumerate(figures.items())}
 
 
 def key(look: Mapping[str, Any]) -> str:
@@ -123,9 +131,8 @@ def _svg(figure: Figure, label: str, prefix: str) -> str:
     box = opening.partition('viewBox="')[2].partition('"')[0]
     body = LEFT_OUT.sub("", body).replace("xlink:href", "href")
     # Only what is referred to needs a name, and one that no other figure of the page has.
-    short = {
-        name: f"{prefix}{n}" for n, name in enumerate(dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', body)))
-    }
+    names = dict.fromkeys(re.findall(r'(?:url\(|href=")#([^)"]+)', body))
+    short = {name: f"{prefix}{n}" for n, name in enumerate(names)}
     body = re.sub(r' id="([^"]+)"', lambda m: f' id="{short[m[1]]}"' if m[1] in short else "", body)
     body = re.sub(r'(url\(#|href="#)([^)"]+)', lambda m: m[1] + short[m[2]], body)
     body = re.sub(r"#[0-9a-f]{6}\b", lambda m: _variable(m[0]), body)

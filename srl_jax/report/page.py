@@ -86,7 +86,7 @@ def _facts(content: Content) -> list[tuple[str, object]]:
     run, config = content.run, content.run.config
     damages = list(dict.fromkeys(lane["damage"] for lane in run.lanes))
     seeds = sorted({lane["seed"] for lane in run.lanes})
-    consecutive = seeds == list(range(seeds[0], seeds[-1] + 1)) and len(seeds) > 2 if seeds else False
+    consecutive = len(seeds) > 2 and seeds[-1] - seeds[0] == len(seeds) - 1
     steps = config.get("steps", content.summary["steps"])
     listed = ", ".join(damages) if len(damages) <= OPEN else f"{len(damages)}, listed below"
     return [
@@ -139,7 +139,7 @@ def _curves(content: Content, drawn: Drawn) -> Html:
     if unnamed:
         note += f" Grey: {unnamed} that end lower."
     small = (element("figure", element("figcaption", breakable(x)), Html(svg)) for x, svg in drawn.small.items())
-    panels = element("div", *map(Html, drawn.large), class_="panels large")
+    panels = element("div", *map(Html, drawn.large.values()), class_="panels large")
     return section("Curves", panels, element("div", *small, class_="panels small"), note=note)
 
 
@@ -150,8 +150,13 @@ def _damages(content: Content) -> Html:
     key = sentences.measure(content.run, content.summary)
     if not key or len(damages) < 2:
         return Html()
-    entries = [[method["conditions"].get(damage, {}).get(key) for method in methods.values()] for damage in damages]
-    rows = [[damage, *(interval(cell(key, x)) for x in row)] for damage, row in zip(damages, entries, strict=True)]
+    rows = [
+        [
+            breakable(damage),
+            *(interval(cell(key, own["conditions"].get(damage, {}).get(key))) for own in methods.values()),
+        ]
+        for damage in damages
+    ]
     whole = table(["damage", *(names.get(label, label) for label in methods)], rows)
     told = {"success": "Success", "retained": "Retained", "return": "Return"}[key]
     return section("Each damage", folded(f"{told} under {len(damages)} damages", whole, shown=len(damages) <= OPEN))

@@ -46,17 +46,19 @@ def lead(run: RunData, summary: Mapping[str, Any]) -> list[str]:
     if teacher := overall[best].get(f"teacher_{key}"):
         rivals.append(f"the frozen policy from before the damage {cell(key, teacher)}")
     few = f"Of {len(ranked)} methods " if len(ranked) > RIVALS + 1 else ""
-    return [f"{few}{said}{''.join(f'; {rival}' for rival in rivals)}.", *_better(summary, best, others, names)]
+    return [f"{few}{said}{''.join(f'; {rival}' for rival in rivals)}.", *_better(run, summary, (best, *others[:1]))]
 
 
-def _better(summary: Mapping[str, Any], best: str, others: list[str], names: Mapping[str, str]) -> list[str]:
-    pairs = [found for found in summary.get("improvement", []) if (found["x"], found["y"]) == (best, *others[:1])]
-    if not pairs:
-        return []
-    found = pairs[0]
-    first, second = names.get(best, best), names.get(others[0], others[0])
-    area = found["score"].replace("_", " under ")
-    return [f"By the {area}, {first} is better than {second} with probability {chance(found)}."]
+def _better(run: RunData, summary: Mapping[str, Any], pair: tuple[str, ...]) -> list[str]:
+    # Of the best method and the next; none where they were not compared.
+    score = "area_success" if run.task == "p2p" else "area_return"
+    names = {group.label: style.name(group) for group in run.groups}
+    return [
+        f"By the {score.replace('_', ' under ')}, {names.get(found['x'], found['x'])} is better than "
+        f"{names.get(found['y'], found['y'])} with probability {chance(found)}."
+        for found in summary.get("improvement", [])
+        if (found["x"], found["y"]) == pair and found["score"] == score
+    ]
 
 
 def chance(found: Mapping[str, Any]) -> str:

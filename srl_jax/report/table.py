@@ -37,7 +37,7 @@ def cell(key: str, entry: Mapping[str, float | None] | None) -> str:
             return "never"
         if key == "steps_to_finish":
             return thousands(float(f"{number:.3g}"))
-        plain = f"{number:.{decimals}f}"
+        plain = f"{round(number, decimals) + 0.0:.{decimals}f}"  # no minus before what is nothing
         return plain.replace("0.", ".", 1) if plain.startswith(("0.", "-0.")) else plain
 
     point, low, high = map(text, numbers)

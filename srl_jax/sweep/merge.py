@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from srl_jax.job import page
-from srl_jax.job.command import asked, plain
 from srl_jax.job.files import read_parts, write_json
 from srl_jax.job.progress import together
 from srl_jax.job.tables import join_metrics
@@ -50,8 +49,7 @@ def merge(sweep: Sweep) -> dict[str, Any]:
         copy(sweep, done, fresh)
         summary = describe(sweep, done, fresh)
         write_json(fresh / "summary.json", summary)
-        points = [asked(plain(point.config), point.label) for point in sweep.points]
-        if failed := page.leave(fresh, sweep.directory.name, points):
+        if failed := page.leave(fresh):
             summary["sweep"]["left_out"].append(failed)
         shutil.rmtree(target, ignore_errors=True)
         fresh.rename(target)

@@ -42,6 +42,8 @@ def test_the_frozen_policy_and_the_probability_are_told(runs):
     first, second = sentences.lead(runs["p2p"], told | {"improvement": [pair, {**pair, "score": "area_return"}]})
     assert first.endswith("DDPG .50 [.48, .51]; the frozen policy from before the damage .20 [.18, .21].")
     assert second == "By the area under success, SRL is better than DDPG with probability .84 [.77, .91]."
+    told = summary("retained", ddpg=0.5, srl=0.9) | {"improvement": [{**pair, "score": "area_return"}]}
+    assert sentences.lead(runs["x"], told)[1].startswith("By the area under return, SRL is better")
 
 
 def test_of_many_methods_some_are_named(runs):

@@ -2,7 +2,7 @@
 
 from srl_jax.report.data import read_metrics
 from srl_jax.report.summary import summarise
-from srl_jax.report.table import format_table
+from srl_jax.report.table import cell, format_table
 from tests.report.runs import write
 
 
@@ -18,6 +18,10 @@ def test_what_was_not_recorded_is_a_dash(tmp_path):
     write(tmp_path, edit=lambda rows: [row for row in rows if row[2].startswith(("eval/return", "eval/fell"))])
     _, ddpg, *_ = format_table(summarise(read_metrics(tmp_path), resamples=50))
     assert (ddpg[1], ddpg[3], ddpg[4], ddpg[5]) == ("-", "-", "-", "-") and ddpg[2].startswith("21.2 [")
+
+
+def test_nothing_has_no_minus():
+    assert cell("return", {"iqm": 0.0, "low": -1e-16, "high": -0.01}) == ".00 [.00, -.01]"
 
 
 def test_numbers_have_the_decimals_that_they_deserve():

@@ -5,9 +5,10 @@ import dataclasses
 import pytest
 
 from srl_jax.agents.settings import SRLConfig
-from srl_jax.job import plan
+from srl_jax.job import page, plan
 from srl_jax.job.command import again
 from srl_jax.report.data import read_metrics
+from srl_jax.report.page import render
 from srl_jax.sweep import attempts, lease, merge
 from tests.sweep import packs
 
@@ -84,8 +85,9 @@ def test_points_of_a_grid_are_methods_of_their_own(tmp_path):
     assert last[12] == packs.value(plan.make(packs.BASE).lanes[0], 1600, point=1)
     found = {(x["algo"], x["value"]): x["iqm"] for x in summary["sweep"]["sensitivity"]}
     assert found["ddpg", "16"] > found["ddpg", "32,32"] + 900
-    page = (tmp_path / "s" / "merged" / "report.html").read_text()
-    assert all(again(point.config) in page for point in sweep.points) and "What was swept" in page
+    text = (tmp_path / "s" / "merged" / "report.html").read_text()
+    assert all(again(point.config) in text and point.label in text for point in sweep.points)
+    assert "What was swept" in text and render(page.of_run(tmp_path / "s" / "merged")) == text
     assert (tmp_path / "s" / "merged" / "sensitivity.png").exists()
 
 
