@@ -28,6 +28,7 @@ ROOMS = (  # highest first; rooms of one line do not know each other
 WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up before jax starts
     *("__init__", "__main__", "run", "repertoire", "recover", "config", "machine", "ite.settings"),
     *("atlas.__main__", "cli.atlas", "cli.recover", "demo.__main__", "cli.demo", "portable", "arrays"),
+    *("portable.graph", "atlas.stored", "env.interface"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

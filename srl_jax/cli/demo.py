@@ -56,6 +56,7 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
     Raises:
         ValueError: a source is neither a finished run nor an atlas, or two do not fit on one page.
     """
+    from srl_jax.atlas.stored import policies as of_atlas
     from srl_jax.demo import payload
     from srl_jax.job import export
 
@@ -71,7 +72,7 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         if known:
             raise ValueError(f"sources has two atlases, the second {source}: a page has room for one.")
         atlas, names = _atlas(source, arguments.damages)
-        own = export.from_atlas(atlas)
+        own = of_atlas(atlas)
         shown.append(payload.of_atlas({name: own[name] for name in names}, f"Made by {atlas.about['command']}."))
         known, clocks[source or "the atlas that ships"] = payload.mind(atlas, names), atlas.about["clock_hz"]
         named += names

@@ -45,23 +45,8 @@ def felt(senses: Senses) -> jax.Array:
     return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
-def layout(task: str, kind: str) -> list[tuple[str, int]]:
-    """What an observation is made of, in order: names and sizes; see `observation`."""
-    parts = [("clock: sin, cos", 2), ("direction: ahead, left", 2)]
-    if task == "p2p":
-        parts.append(("distance, m, at most 2", 1))
-    parts += [("gravity in the body frame", 3), ("joint angles about the stance, rad", len(JOINTS))]
-    if kind == "full":
-        parts.append(("velocity of the base in the body frame, m/s", 3))
-    if kind != "onboard":
-        parts += [("0.3 x gyroscope, rad/s", 3), ("0.1 x joint speeds, rad/s", len(JOINTS))]
-    if kind == "full":
-        parts.append(("10 x height, m", 1))
-    return parts
-
-
 def observation(senses: Senses, phase: jax.Array, *, task: str, kind: str, beyond: Beyond | None = None) -> jax.Array:
-    """The observation f32[O], components of order one.
+    """The observation f32[O], components of order one; `interface.layout` names its parts.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then gravity in the body frame (3) and joint angles about the stance (18).

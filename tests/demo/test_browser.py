@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from srl_jax.atlas import file
+from srl_jax.atlas.stored import policies
 from srl_jax.cli import demo
 from srl_jax.demo import page as pages
 from srl_jax.env import damage as damages
 from srl_jax.env.model import stance
-from srl_jax.job import export
 from srl_jax.portable import rounded
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'srl-jax[web]' brings playwright")
@@ -59,7 +59,7 @@ def opened(browser, written):
 def in_c(damage: str) -> np.ndarray:
     """qpos after five seconds in C MuJoCo under the atlas' policy for a damage, from the stance, without noise."""
     atlas, model = file.load(), damages.damaged_model(damage)
-    policy, data, pose = rounded(export.from_atlas(atlas)[damage]), mujoco.MjData(model), stance(model)
+    policy, data, pose = rounded(policies(atlas)[damage]), mujoco.MjData(model), stance(model)
     present, phase = np.asarray(damages.present(damages.build(damage))), 0.0
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)

@@ -1,0 +1,37 @@
+"""What goes into the robot and what comes out of it, for whoever has a policy and no simulation. Imports no jax."""
+
+from typing import Any
+
+from srl_jax.env.anatomy import JOINTS, LEGS
+
+CONTROL_HZ = 20.0
+SUBSTEPS = 3  # of 1/60 s
+ACTION_SIZE = len(JOINTS)
+ACTION_SCALE = (0.6, 0.7, 0.7)  # rad of coxa, femur, tibia about the stance at action 1
+
+
+def layout(task: str, kind: str) -> list[tuple[str, int]]:
+    """What an observation is made of, in order: names and sizes; see `senses.observation`."""
+    parts = [("clock: sin, cos", 2), ("direction: ahead, left", 2)]
+    if task == "p2p":
+        parts.append(("distance, m, at most 2", 1))
+    parts += [("gravity in the body frame", 3), ("joint angles about the stance, rad", len(JOINTS))]
+    if kind == "full":
+        parts.append(("velocity of the base in the body frame, m/s", 3))
+    if kind != "onboard":
+        parts += [("0.3 x gyroscope, rad/s", 3), ("0.1 x joint speeds, rad/s", len(JOINTS))]
+    if kind == "full":
+        parts.append(("10 x height, m", 1))
+    return parts
+
+
+def facts(task: str, kind: str, clock_hz: float) -> dict[str, Any]:
+    """What a policy needs to be run elsewhere, as `portable.Policy.about` has it."""
+    return {
+        "task": task,
+        "kind": kind,
+        "observation": layout(task, kind),
+        "action_scale": list(ACTION_SCALE) * len(LEGS),
+        "clock_hz": float(clock_hz),
+        "control_hz": CONTROL_HZ,
+    }
