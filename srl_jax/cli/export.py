@@ -11,6 +11,7 @@ import tyro
 from srl_jax import portable
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
+from srl_jax.cli.run import quiet
 from srl_jax.env import damage_names
 from srl_jax.portable import Policy, graph
 
@@ -72,6 +73,7 @@ def _chosen(arguments: Arguments) -> list[Policy]:
     source = Path(arguments.source)
     if arguments.source and source.is_dir():
         use_devices("1", solves=False)
+        quiet()
         from srl_jax.job import export  # jax starts here
 
         return export.from_run(source, seed=arguments.seed, algos=arguments.algo, damages=damages)

@@ -52,8 +52,9 @@ def view(walk: Walk, steps: int) -> Iterator[Moment]:
                 for name in LOOKS:
                     getattr(shown, name)[:] = getattr(models[moment.damage], name)
                 if moment.goal.any():
-                    window.user_scn.ngeom = 0
-                    add_marker(window.user_scn, (moment.goal, EnvConfig().goal_radius, GOAL))
+                    scene: Any = window.user_scn
+                    scene.ngeom = 0
+                    add_marker(scene, (moment.goal, EnvConfig().goal_radius, GOAL))
             window.sync()
             yield moment
             if not window.is_running():

@@ -41,7 +41,11 @@ def opened(monkeypatch, pictures):
     """The windows that will be opened, in place of MuJoCo's."""
     windows = []
     monkeypatch.setattr(viewer, "PROBE", "")
-    launch = lambda model, data, **_: windows.append(Window(model, pictures)) or windows[-1]  # noqa: E731
+
+    def launch(model, data, **options):
+        windows.append(Window(model, pictures))
+        return windows[-1]
+
     monkeypatch.setattr(mujoco_viewer, "launch_passive", launch)
     return windows
 
