@@ -76,11 +76,14 @@ def _text(policies: Sequence[Policy]) -> Iterator[str]:
     """JSON with a line for each row of a matrix; every number is the shortest that is exact at single precision."""
     yield "["
     for number, policy in enumerate(policies):
-        yield f'{"," * bool(number)}\n{{\n"about": {json.dumps(policy.about, indent=1)},\n"weights": {{'
-        for index, (name, value) in enumerate(policy.weights.items()):
-            yield f"{',' * bool(index)}\n{json.dumps(name)}: {_rows(value)}"
-        yield "\n}\n}"
+        about = {name: json.dumps(value) for name, value in policy.about.items()}
+        weights = {name: _rows(value) for name, value in policy.weights.items()}
+        yield f'{"," * bool(number)}\n{{\n"about": {_members(about)},\n"weights": {_members(weights)}\n}}'
     yield "\n]\n"
+
+
+def _members(texts: dict[str, str]) -> str:
+    return "{\n" + ",\n".join(f"{json.dumps(name)}: {text}" for name, text in texts.items()) + "\n}"
 
 
 def _rows(value: np.ndarray) -> str:
