@@ -35,7 +35,7 @@ class Arguments:
     """npz: arrays, one file of all; json: the same for people and other languages; onnx: a graph in a file for each
     (pip install 'srl-jax[onnx]')."""
     precision: Literal["full", "half", "coarse"] = "full"
-    """half: weights at half precision; coarse: in multiples of 1/256 as well, which compress to two thirds."""
+    """half: weights at half precision; coarse: in multiples of 1/256 as well, two thirds of the size."""
     out: str = ""
     """The file, or a directory; empty: policies.FORMAT here, and for onnx the directory policies."""
 

@@ -85,7 +85,7 @@ def rounded(policy: Policy, precision: str = "half") -> Policy:
     Args:
         policy: any.
         precision: full: as it is; half: at half precision; coarse: so, and in multiples of 1 / 256, which compress to
-            two thirds.
+            two thirds of that.
     """
 
     def kept(value: np.ndarray) -> np.ndarray:
