@@ -1,9 +1,9 @@
 """The animation of the README: a healthy robot, and three that lose a leg and go on by the old gait, by DDPG, by SRL.
 
-    python -m srl_jax.run --task x --damage leg_rm --seeds 1 --steps 12000 --out runs/walking
+    python -m srl_jax.run --task x --damage leg_rm --seeds 1 --steps 10000 --out runs/walking
     python -m experiments.walking runs/walking --path docs/walking.webp
 
-12,000 steps are ten minutes of robot time. All four walk by the tripod until the leg is lost; DDPG's and SRL's robots
+10,000 steps are eight minutes of robot time. All four walk by the tripod until the leg is lost; DDPG's and SRL's robots
 then stand for a second, and go on by what the run has learned.
 """
 
