@@ -7,6 +7,7 @@ The public modules, imported on first use, so that the command line can set devi
     bayes.dropout, .thompson, .controller  the critic as a posterior, and decisions from it
     program.replay, .step, evaluate        memory, the one compiled program, rollouts of a student
     atlas.file, .recovery                  policies made before the damage; a robot that finds out, walks on and learns
+    pretrained                             policies that ship: observation -> action by NumPy alone
 """
 
 from importlib import import_module
@@ -14,10 +15,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from srl_jax import agents, atlas, bayes, config, env, evaluate, program
+    from srl_jax import agents, atlas, bayes, config, env, evaluate, pretrained, program
 
 __version__ = "0.1.0"
-__all__ = ["agents", "atlas", "bayes", "config", "env", "evaluate", "program"]
+__all__ = ["agents", "atlas", "bayes", "config", "env", "evaluate", "pretrained", "program"]
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -10,12 +10,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (  # highest first; rooms of one line do not know each other
-    ("run", "repertoire", "recover", "__main__"),
+    ("run", "repertoire", "recover", "export", "play", "__main__"),
     ("cli",),
     ("sweep",),
     ("job",),
     ("config",),
-    ("demo",),
+    ("demo", "pretrained", "show"),
     ("report", "atlas"),
     ("evaluate",),
     ("program",),
@@ -29,6 +29,7 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
     *("__init__", "__main__", "run", "repertoire", "recover", "config", "machine", "ite.settings"),
     *("atlas.__main__", "cli.atlas", "cli.recover", "demo.__main__", "cli.demo", "portable", "arrays"),
     *("report.__main__", "cli.report", "job.command"),
+    *("export", "play", "cli.export", "cli.play", "portable.graph", "pretrained", "atlas.stored", "env.interface"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

@@ -2,47 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from srl_jax import arrays
-from srl_jax.agents.settings import DDPGConfig
-from srl_jax.env import damage_names
-from srl_jax.types import Params
-
-DATA = Path(__file__).with_name("atlas.npz")
-MEASURED = ("speed", "falls", "whitening")
-ACTOR = "actor"  # what the names of a network's arrays begin with
-
-
-class Atlas(NamedTuple):
-    """I policies and D damages; with one seed a damage, I = D and policy i was trained for damage i."""
-
-    damages: tuple[str, ...]  # D canonical names, healthy first
-    trained_for: tuple[str, ...]  # I of them, by policy
-    actors: Params  # leaves [I, ...]
-    speed: np.ndarray  # f32[I, D] m/s that policy i keeps under damage d, its falls counted as they came
-    falls: np.ndarray  # f32[I, D] share of the walks in which it fell
-    whitening: np.ndarray  # f32[24, 24] of the residuals, see `belief.Likelihood`
-    about: dict[str, Any]  # task, observation, clock_hz, hidden, layer_norm; the command, steps, versions
-
-    @property
-    def network(self) -> DDPGConfig:
-        """The architecture of the policies."""
-        return DDPGConfig(hidden=tuple(self.about["hidden"]), layer_norm=self.about["layer_norm"])
-
-    @property
-    def value(self) -> np.ndarray:
-        """f32[I, D] what a policy is worth under a damage: its share of the healthy speed, nothing where it falls."""
-        return self.speed * (1.0 - self.falls) / self.healthy_speed
-
-    @property
-    def healthy_speed(self) -> float:
-        """m/s of the healthy robot under the policy that was trained on it."""
-        return float(self.speed[self.trained_for.index(damage_names.HEALTHY), 0])
+from srl_jax.atlas import stored
+from srl_jax.atlas.stored import ACTOR, MEASURED, Atlas
 
 
 def save(path: Path, atlas: Atlas, *, half: bool = True) -> None:
@@ -57,33 +24,10 @@ def save(path: Path, atlas: Atlas, *, half: bool = True) -> None:
 
 
 def load(path: str | Path = "") -> Atlas:
-    """The atlas in a file, or the one that ships with the package where `path` is empty.
+    """The atlas in a file, or the one that ships with the package, its policies as arrays of jax.
 
     Raises:
-        ValueError: there is no such file, or it is no atlas.
+        ValueError: as `stored.read`.
     """
-    path = Path(path) if path else DATA
-    try:
-        found = arrays.load(path)
-        about = json.loads(str(found.pop("about")))
-        damages, trained_for = tuple(about.pop("damages")), tuple(about.pop("trained_for"))
-        measured = {name: found.pop(name) for name in MEASURED}
-    except FileNotFoundError:
-        raise ValueError(f"{path} does not exist: make an atlas with python -m srl_jax.atlas.") from None
-    except arrays.UNREADABLE as error:
-        raise ValueError(f"{path} cannot be read as an atlas ({type(error).__name__}).") from error
-    shape = (len(trained_for), len(damages))
-    if any(measured[name].shape != shape for name in ("speed", "falls")):
-        raise ValueError(f"{path} is damaged: its matrix has not a row a policy and a column a damage.")
-    return Atlas(damages, trained_for, _nested(found), **measured, about=about)
-
-
-def _nested(networks: dict[str, np.ndarray]) -> Params:
-    tree: dict[str, Any] = {}
-    for name, array in networks.items():
-        _, *above, last = name.split("/")
-        branch = tree
-        for key in above:
-            branch = branch.setdefault(key, {})
-        branch[last] = jnp.asarray(array, jnp.float32)
-    return tree
+    found = stored.read(path)
+    return found._replace(actors=jax.tree.map(jnp.asarray, found.actors))

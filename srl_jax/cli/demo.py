@@ -58,6 +58,7 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
     Raises:
         ValueError: a source is neither a finished run nor an atlas, or two do not fit on one page.
     """
+    from srl_jax.atlas.stored import policies as of_atlas
     from srl_jax.demo import payload
     from srl_jax.job import export
 
@@ -76,7 +77,7 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         if known:
             raise ValueError(f"sources has two atlases, the second {source}: a page has room for one.")
         atlas, names = _atlas(source, arguments.damages)
-        own = export.from_atlas(atlas)
+        own = of_atlas(atlas)
         policies = [own[name] for name in names]
         made = f"Made by {atlas.about['command']}."
         shown.append(payload.of_atlas(dict(zip(names, policies, strict=True)), f"{made} {checked(policies, own)}"))

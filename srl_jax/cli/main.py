@@ -15,6 +15,8 @@ VERBS = {
     "recover": ("one robot walks, is damaged in mid-stride, finds out and walks on", "srl_jax.cli.recover:main"),
     "demo": ("one page in which a visitor cuts off a leg, with your policies", "srl_jax.cli.demo:main"),
     "report": ("the page of a run made anew, or of several runs side by side", "srl_jax.cli.report:main"),
+    "export": ("policies of a run or an atlas to take home: .npz, .json, .onnx", "srl_jax.cli.export:main"),
+    "play": ("one policy on a robot that is damaged in mid-stride, as a video or live", "srl_jax.cli.play:main"),
     "sweep": ("many lanes as packs, on one machine, a Slurm cluster or Ray", "srl_jax.cli.sweep:main"),
 }  # name: (what it does, the function that is given its arguments)
 

@@ -10,16 +10,13 @@ from srl_jax.env import history as histories
 from srl_jax.env import physics, senses
 from srl_jax.env import task as tasks
 from srl_jax.env.damage import Damage
+from srl_jax.env.interface import ACTION_SCALE, ACTION_SIZE, CONTROL_HZ, SUBSTEPS, reading_size
 from srl_jax.env.model import load_model, mjx, put_model, stance
 from srl_jax.env.senses import Senses
 from srl_jax.env.settings import TASKS, EnvConfig
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.stepper import State
 
-CONTROL_HZ = 20.0
-SUBSTEPS = 3  # of 1/60 s
-ACTION_SIZE = 18
-ACTION_SCALE = (0.6, 0.7, 0.7)  # rad of coxa, femur, tibia about the stance at action 1
 UPRIGHT = 0.3  # cosine of the tilt below which the robot has tipped over
 
 
@@ -208,7 +205,7 @@ def _velocity(state: EnvState) -> jax.Array:
 
 def observation_size(task: str, config: EnvConfig) -> int:
     """O for a task, kind of observation and history."""
-    now = 4 + (task == "p2p") + senses.reading_size(config.observation)
+    now = 4 + (task == "p2p") + reading_size(config.observation)
     return now + config.history * histories.row_size(config.observation)
 
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env.anatomy import JOINTS
-from srl_jax.env.senses import reading_size
+from srl_jax.env.interface import reading_size
 
 
 def row_size(kind: str) -> int:

@@ -45,25 +45,6 @@ def felt(senses: Senses) -> jax.Array:
     return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
-def layout(task: str, kind: str, history: int = 0) -> list[tuple[str, int]]:
-    """What an observation is made of, in order: names and sizes; see `observation`."""
-    parts = [("clock: sin, cos", 2), ("direction: ahead, left", 2)]
-    if task == "p2p":
-        parts.append(("distance, m, at most 2", 1))
-    parts += [("gravity in the body frame", 3), ("joint angles about the stance, rad", len(JOINTS))]
-    if kind == "full":
-        parts.append(("velocity of the base in the body frame, m/s", 3))
-    if kind != "onboard":
-        parts += [("0.3 x gyroscope, rad/s", 3), ("0.1 x joint speeds, rad/s", len(JOINTS))]
-    if kind == "full":
-        parts.append(("10 x height, m", 1))
-    if history:
-        parts.append(
-            ("what was sensed and done in the control steps before", history * (reading_size(kind) + len(JOINTS)))
-        )
-    return parts
-
-
 def observation(
     senses: Senses,
     phase: jax.Array,
@@ -73,7 +54,7 @@ def observation(
     beyond: Beyond | None = None,
     history: jax.Array | None = None,
 ) -> jax.Array:
-    """The observation f32[O], components of order one.
+    """The observation f32[O], components of order one; `interface.layout` names its parts.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
     and for p2p the distance (m, at most 2); then the `reading`; last the control steps before, if there is a history.
@@ -120,9 +101,3 @@ def _reading(senses: Senses, kind: str, beyond: Beyond | None) -> list[Array]:
     if beyond is not None and kind == "full":
         parts.append(10.0 * beyond.height[None])
     return parts
-
-
-def reading_size(kind: str) -> int:
-    """R of a kind of observation."""
-    joints = len(JOINTS)
-    return 3 + joints + {"onboard": 0, "rates": 3 + joints, "full": 3 + 3 + joints + 1}[kind]

@@ -120,7 +120,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
             mujoco.mj_forward(model, data)
             mujoco.mjv_updateScene(model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
             if marker is not None:
-                _add_marker(scene, marker)
+                add_marker(scene, marker)
             picture = np.empty((height, width, 3), np.uint8)
             mujoco.mjr_render(area, scene, canvas)
             mujoco.mjr_readPixels(picture, None, area, canvas)
@@ -130,7 +130,8 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
         context.free()
 
 
-def _add_marker(scene: mujoco.MjvScene, marker: raycast.Goal) -> None:
+def add_marker(scene: mujoco.MjvScene, marker: raycast.Goal) -> None:
+    """Adds a disc with a pole and a ball to what MuJoCo draws."""
     place, radius, colour = marker
     shapes = (
         (mujoco.mjtGeom.mjGEOM_CYLINDER, (radius, 0.001, 0.0), 0.001, 0.35),

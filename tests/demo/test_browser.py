@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from srl_jax.atlas import file
+from srl_jax.atlas.stored import policies
 from srl_jax.cli import demo
 from srl_jax.demo import check
 from srl_jax.demo import page as pages
-from srl_jax.job import export
 from srl_jax.portable import rounded
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'srl-jax[web]' brings playwright")
@@ -57,7 +57,7 @@ def opened(browser, written):
 def in_c(damage: str) -> np.ndarray:
     """qpos after five seconds in C MuJoCo under the atlas' policy for a damage, from the stance, without noise."""
     atlas = file.load()
-    policy = rounded(export.from_atlas(atlas)[damage])
+    policy = rounded(policies(atlas)[damage])
     walker = check.Walker(damage, "x", "onboard", atlas.about["clock_hz"])
     walker.broken = 1
     for _ in range(STEPS // 3):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from srl_jax.atlas import file
+from srl_jax.atlas.stored import policies as policies_of
 from srl_jax.demo import check
 from srl_jax.env import damage, hexapod
 from srl_jax.env.settings import EnvConfig
-from srl_jax.job import export
 
 CLOCK_HZ = 1.9442
 
@@ -40,7 +40,7 @@ def test_it_sees_what_the_package_sees(task, kind):
 
 def test_a_policy_of_the_atlas_walks_on_and_one_that_stands_does_not():
     atlas = file.load()
-    policies = export.from_atlas(atlas)
+    policies = policies_of(atlas)
     clock = atlas.about["clock_hz"]
     walked = check.after_cut(
         check.Walker("leg_lf", "x", "onboard", clock), policies["healthy"], policies["leg_lf"], stands=False

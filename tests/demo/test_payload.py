@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from srl_jax.atlas import file
+from srl_jax.atlas.stored import policies
 from srl_jax.demo import page, payload
 from srl_jax.env import damage
 from srl_jax.env.damage import Damage
-from srl_jax.job import export
 from srl_jax.portable import rounded
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +29,7 @@ def test_leaves_make_the_damaged_model(name):
 
 
 def test_policies_are_carried_at_half_precision():
-    own = export.from_atlas(file.load())["leg_rm"]
+    own = policies(file.load())["leg_rm"]
     for layer, kept in zip(payload.policy(own)["layers"], rounded(own).layers, strict=True):
         for name, value in layer.items():
             found = np.frombuffer(base64.b64decode(value), "<f2").astype(np.float32)

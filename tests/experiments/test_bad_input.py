@@ -28,6 +28,9 @@ import pytest
         ("cross_check", {"run": Path("nowhere")}, "nowhere is not the directory of a run"),
         ("cross_check", {"run": Path("nowhere"), "episodes": 0}, "episodes is 0"),
         ("robot_posterior", {"run": Path("nowhere")}, "nowhere is not the directory of a run"),
+        ("shipped", {"starts": 0}, "starts 0; both must be positive"),
+        ("shipped", {"names": ("sarl",)}, "name is 'sarl': there are ddpg, srl, atlas"),
+        ("shipped", {"tasks": ("xy",)}, "task is 'xy': ddpg has p2p, x"),
         ("self_model", {"damages": "coxa_rm,leg_rm"}, "'leg_rm' more than once"),
     ],
 )

@@ -6,9 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from srl_jax.atlas import file
 from srl_jax.config import preset
-from srl_jax.env import senses
+from srl_jax.env import interface
 from srl_jax.env.hexapod import observation_size
 from srl_jax.env.settings import EnvConfig
 from srl_jax.job import export, students
@@ -43,7 +42,7 @@ def test_it_says_what_the_policy_needs(finished):
 @pytest.mark.parametrize("kind", ["onboard", "rates", "full"])
 @pytest.mark.parametrize("history", [0, 3])
 def test_the_layout_counts_as_the_observation_does(task, kind, history):
-    told = sum(size for _, size in senses.layout(task, kind, history))
+    told = sum(size for _, size in interface.layout(task, kind, history))
     assert told == observation_size(task, EnvConfig(observation=kind, history=history))
 
 
@@ -58,12 +57,3 @@ def test_the_layout_counts_as_the_observation_does(task, kind, history):
 def test_what_is_not_there_is_refused(finished, asked, message):
     with pytest.raises(ValueError, match=message):
         export.from_run(finished, **asked)
-
-
-def test_an_atlas_gives_a_policy_for_each_damage():
-    atlas = file.load()
-    policies = export.from_atlas(atlas)
-    assert tuple(policies) == atlas.trained_for
-    own = jax.tree.map(lambda leaf: leaf[5], atlas.actors)
-    again = export.layers(own)
-    np.testing.assert_array_equal(policies[atlas.trained_for[5]].layers[0].kernel, again[0].kernel)
