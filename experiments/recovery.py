@@ -32,7 +32,7 @@ from srl_jax.env import gait as gaits
 from srl_jax.env.senses import observation
 from srl_jax.job.apprentice import Apprentice
 
-Walk = Callable[[Sequence[Case], Sequence[CRobot], float], recovery.Story | None]  # None: there was nothing to think
+Walk = Callable[[Sequence[Case], Sequence[CRobot], float], recovery.Story | str]  # or what is to be said in its place
 HZ = 20
 STRIKE = (20, 40)  # control steps of healthy walking before the damage
 WINDOWS = ((0.0, 1.0), (2.0, 7.0), (5.0, 10.0))  # seconds after the damage over which speed is taken
@@ -155,7 +155,9 @@ def row(
         cells = "".join(f"{scores.interval(share):<19}" for share in shares)
         recovered, fell = np.mean(shares[-1] >= RECOVERED), np.mean([body.fell for body in bodies])
         print(f"{method:<{wide}} {cells}{recovered:<10.2f} {fell:<6.2f} {perf_counter() - began:.0f}", flush=True)
-        if story:
+        if isinstance(story, str):
+            print(f"  {story}")
+        else:
             inside, right, count = scores.calibration(bodies, story)
             print(
                 f"  {count} segments: 95 % intervals cover {inside:.2f}, the better expected was the better {right:.2f}"

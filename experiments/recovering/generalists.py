@@ -24,16 +24,16 @@ class Generalist(NamedTuple):
     run: Run
     mix: frozenset[str]  # damages that its robots had
 
-    def walk(self, lots: Sequence[Case], bodies: Sequence[CRobot], seconds: float) -> None:
-        """Walks robots, before the damage and after it; lanes of several seeds take them in turn."""
+    def walk(self, lots: Sequence[Case], bodies: Sequence[CRobot], seconds: float) -> str:
+        """Walks robots, before the damage and after it, lanes of several seeds in turn; how many damages it knew."""
         lanes = self.run.lanes_of(self.run.algos[0])
         each = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self.run.policy(lane) for lane in lanes))
         policies = jax.tree.map(lambda leaf: leaf[np.arange(len(bodies)) % len(lanes)], each)
         alone.walk(alone.walker(self.run.robot), policies, bodies, seconds=seconds)
-        print(f"  trained on the damage of {np.mean([lot.damage in self.mix for lot in lots]):.2f} of these robots")
+        return f"trained on the damage of {np.mean([lot.damage in self.mix for lot in lots]):.2f} of these robots"
 
 
-def methods(runs: Sequence[Path]) -> dict[str, Callable[[Sequence[Case], Sequence[CRobot], float], None]]:
+def methods(runs: Sequence[Path]) -> dict[str, Callable[[Sequence[Case], Sequence[CRobot], float], str]]:
     """How each run's policies walk robots, by what tables call it.
 
     Raises:

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import orbax.checkpoint as ocp
 
+from srl_jax.job import absent
 from srl_jax.program.lanes import Lane, moved
 from srl_jax.program.state import LaneData, Program, TrainState, on_all, on_rows
 from srl_jax.program.tally import Tally
@@ -120,7 +121,7 @@ def restore(
         clock=clock,
         agents={algo: tree["agent"] for algo, tree in own.items()},
         replay={a: jax.tree.map(fill, x, own[a]["replay"]) for a, x in state.replay.items()},
-        world=by_row["world"],
+        world=absent.restored(state.world, by_row["world"]),
         alive=by_row["alive"],
     )
     prior = {algo: own[algo]["prior"] for algo in lanes.prior}
@@ -196,7 +197,7 @@ def _payload(state: TrainState, lanes: LaneData, tally: Tally, filled: int) -> d
     sums = {name: getattr(tally, name) for name in ("episodes", "totals", "steps", "rates")}
     return {
         "by_algo": parts,
-        "by_row": {"world": state.world, "alive": state.alive, "tally": sums},
+        "by_row": {"world": absent.stored(state.world), "alive": state.alive, "tally": sums},
         "shared": {"clock": state.clock, "updates": tally.updates},
     }
 

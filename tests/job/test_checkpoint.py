@@ -59,6 +59,13 @@ def test_a_run_moves_to_other_devices_and_back_without_losing_a_bit(engine, data
     same(on, engine.chunk(state, tally, data, TRAIN(), 9))
 
 
+def test_what_is_switched_off_leaves_no_trace_so_that_older_checkpoints_fit(trained, data):
+    state, tally = trained(data, 1)
+    world = checkpoint._payload(state, data, tally, 1)["by_row"]["world"]
+    assert {"env", "act", "observation", "episode"} == set(world)
+    assert "history" not in world["env"] and {"noise", "guidance", "seed"} == set(world["act"])
+
+
 def test_networks_are_found_by_lane(engine, data, trained, tmp_path):
     state, tally = trained(data, 11)
     saved(tmp_path, engine, state, data, tally)
