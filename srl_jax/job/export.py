@@ -43,7 +43,8 @@ def from_run(
 
 def _student(run: Run, lane: Lane) -> Policy:
     env = run.config.env
-    made = {"algo": lane.algo, "method": lane.method, "damage": run.damage(lane), "seed": lane.seed}
+    damage = lane.damage if run.config.damage_mix else run.damage(lane)
+    made = {"algo": lane.algo, "method": lane.method, "damage": damage, "seed": lane.seed}
     needed = facts(run.config.task, env.observation, run.robot.clock_hz, env.history)
     command = f"srl-jax run, {run.config.steps:,} steps of {lane.method}"
     about = made | needed | {"command": command, "versions": machine.versions()}

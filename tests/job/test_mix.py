@@ -9,7 +9,7 @@ import pytest
 
 from srl_jax.env.damage import build
 from srl_jax.env.hexapod import observation_size
-from srl_jax.job import memory, plan, students
+from srl_jax.job import export, memory, plan, students
 from srl_jax.job.run import run
 from srl_jax.program import strides
 from tests.conftest import DEVICES
@@ -41,10 +41,12 @@ def test_a_video_shows_one_of_the_damages(directory):
 
 def test_its_students_act_and_have_no_damage_of_their_own(directory):
     opened = students.open_run(directory)
-    seen = np.zeros(observation_size("x", opened.config.env), np.float32)
+    seen = np.linspace(-1.0, 1.0, observation_size("x", opened.config.env), dtype=np.float32)
     assert seen.shape == (25 + K * 39,)
     for lane in opened.lanes_of("srl"):
-        assert opened.policy(lane)(seen).shape == (18,)
+        (taken,) = export.from_run(directory, seed=lane.seed)
+        assert taken.about["damage"] == "mix" and taken.about["history"] == K
+        np.testing.assert_allclose(taken(seen), opened.policy(lane)(seen), atol=1e-5)
         with pytest.raises(
             ValueError, match=r"damage_mix=leg_rf,leg_lm,healthy: its lanes have no damage of their own"
         ):
