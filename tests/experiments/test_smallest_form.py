@@ -120,7 +120,7 @@ def test_the_posterior_of_any_descendant_of_srl_is_judged_with_its_own_values(mi
         assert {leaf.shape[0] for leaf in jax.tree.leaves(lane.critic)} == {config.critics}
         own = 10.0 * lane.dropout + lane.gamma + 0.01 * jax.random.normal(key, (visits,))
         claimed = 10.0 * lane.dropout + 0.01 * jax.random.normal(key, (visits, draws, 2))
-        came = own[:, None] + jnp.array([0.0, 1.0, -2.0, 3.0])  # with pi_B for no step, one, a second, and all
+        came = jnp.stack([own, own + 1.0, own - 2.0, own + 3.0], axis=1)  # with pi_B for no step, one, a second, all
         return robot_posterior.Judged(jnp.full(visits, 0.6), claimed, came), jnp.ones(visits, bool)
 
     monkeypatch.setattr(robot_posterior, "judge", judged)
