@@ -2,8 +2,9 @@
 
 from collections import deque
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from typing import NamedTuple, Protocol
 
 import jax
@@ -48,6 +49,12 @@ class World:
     encoder: float = 0.0  # degrees that an encoder tells apart
 
 
+@lru_cache(maxsize=128)
+def _converged(name: str) -> mujoco.MjModel:
+    """To be copied: reading a robot's description takes thirty times as long."""
+    return converged_model(name)
+
+
 @dataclass
 class CRobot:
     """A robot that walks straight ahead along x, healthy until its damage strikes."""
@@ -67,7 +74,7 @@ class CRobot:
         self._substeps = round(1.0 / (CONTROL_HZ * self._models[0].opt.timestep))
 
     def _model(self, name: str) -> mujoco.MjModel:
-        model, world = converged_model(name), self.world
+        model, world = copy(_converged(name)), self.world
         model.geom_friction[:, 0] *= world.friction
         model.body_mass[:] *= world.mass
         model.body_inertia[:] *= world.mass

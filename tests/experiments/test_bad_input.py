@@ -11,6 +11,16 @@ import pytest
     [
         ("tune_gait", {"population": 8}, "population is 8; at least 16"),
         ("tune_gait", {"goals": 0}, "goals is 0; at least 1"),
+        (
+            "estimator",
+            {"atlas": Path("nowhere"), "rows": ("holes",)},
+            "rows has holes: choose from foreseen, catalogue",
+        ),
+        (
+            "estimator",
+            {"atlas": Path("nowhere"), "converged": 0},
+            "converged, updates, robots are 0, .* give at least 1 of each",
+        ),
         ("physics_error", {"episodes": 0}, "episodes is 0"),
         ("physics_error", {"noise": -0.1}, "noise -0.1"),
         ("healthy_value", {"masks": 0}, "masks is 0; at least 1"),

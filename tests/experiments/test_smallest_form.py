@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tyro
 
-from experiments import cross_check, recovery, robot_posterior, throughput
+from experiments import cross_check, estimator, recovery, robot_posterior, throughput
 from srl_jax.atlas import file
 from srl_jax.config import preset
 from srl_jax.env.hexapod import observation_size
@@ -20,6 +20,8 @@ from tests.job.untrained import write
 WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "bandit_table": "--repetitions 4 --samples 5 --out OUT",
     "cross_check": "RUN --algos srl --episodes 1 --seeds 1",
+    "estimator": "ATLAS --converged 1 --simulated 0 --updates 2 --robots 6 --healthy 6 --healthy-seconds 0.5 --every 0 "
+    "--seconds 0.05 --rows foreseen",
     "healthy_value": "--episodes 4 --seen 2 --whole 4 --damage healthy leg_rm --members 2 --masks 2 --updates 2",
     "lqr": "--repetitions 4 --trajectories 5 --critic-steps 100 --out OUT",
     "peers": "--sections job --contenders ours --preset smoke --seeds 1 --steps 20 --seconds 0.01 --repeats 1 "
@@ -38,6 +40,7 @@ WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
 SHOWN = {  # a part of what is printed
     "bandit_table": "Monte-Carlo",
     "cross_check": "leg_rm",
+    "estimator": "both: expected calibration error",
     "healthy_value": "healthy episodes, 100% truncated at 2 steps",
     "lqr": "actor-critic, correlated",
     "peers": "| ours | ",
@@ -68,7 +71,7 @@ def test_it_runs(name, request, tmp_path, capsys, monkeypatch):
         import_module(f"experiments.{name}"),
         tmp_path / ("figure.png" if name != "tune_gait" else "gait.json"),
     )
-    for asks in (throughput, recovery):
+    for asks in (throughput, recovery, estimator):
         monkeypatch.setattr(asks, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
     words = WORDS[name].replace("OUT", str(out)).split()
     if "RUN" in words or name == "throughput":  # whose program is that of the smoke run, compiled once
