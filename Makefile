@@ -1,12 +1,13 @@
 # `make` alone only prints this help. Everything is installed into .venv, at the versions of constraints.txt.
 .DEFAULT_GOAL := help
-.PHONY: help install run test lint demo-template clean
+.PHONY: help install run test test-all lint demo-template clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
 BIN := $(VENV)/bin
 INPUTS := pyproject.toml constraints.txt
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
+PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 NEEDS := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 
 help:  ## list the targets
@@ -18,7 +19,10 @@ run: install  ## train: point to point, 10 seeds; more options in ARGS="..."
 	$(BIN)/python -m srl_jax.run --seeds 10 --task p2p $(ARGS)
 
 test: $(VENV)/.installed-dev  ## run the tests; pytest options in ARGS="..."
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(PYTEST) $(ARGS)
+
+test-all: $(VENV)/.installed-dev  ## run the tests and the slow ones, which take ten minutes more
+	$(PYTEST) -m "slow or not slow" $(ARGS)
 
 lint: $(VENV)/.installed-dev  ## check style, format and types; changes nothing
 	$(BIN)/ruff check

@@ -58,6 +58,7 @@ def test_the_peers_robot_observes_and_earns_what_ours_does(task, settings):
     assert (False, True) in ends or task == "xy"  # whose goal is near
 
 
+@pytest.mark.slow
 def test_all_simulators_move_the_same_robots_alike(monkeypatch):
     monkeypatch.setattr("srl_jax.cli.devices.use_devices", lambda wanted, **_: DEVICES)  # jax has started
     theirs, ours = physics.in_c(4, 2, 0.01), physics.in_jax("star", 4, DEVICES, 0.01)
@@ -130,6 +131,7 @@ def test_lanes_are_flat_where_none_costs_a_tenth_more_or_less():
     assert scaling.verdict({1: [row(4, 2.0)]}) == ""
 
 
+@pytest.mark.slow
 def test_the_vmapped_loop_remembers_and_learns_seed_by_seed(monkeypatch):
     def moved(robot, damage, state: EnvState, control: jax.Array) -> EnvState:
         return state._replace(qpos=state.qpos.at[7:].set(control).at[0].add(0.01))  # any physics will do

@@ -17,6 +17,9 @@ CLASSES = 5  # four damages, and none of these
 LESSONS = training.Course(updates=150, batch=64, block=50)
 
 
+pytestmark = pytest.mark.slow  # of an experiment that nothing else depends on
+
+
 @pytest.fixture(scope="module")
 def walked(atlas):
     """Few robots of every class, and others of the same."""

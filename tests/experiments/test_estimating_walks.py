@@ -8,6 +8,8 @@ from srl_jax.atlas.robots import CRobot
 from srl_jax.env import damage as damages
 from srl_jax.env.damage_names import canonical, lost, parse
 
+pytestmark = pytest.mark.slow  # of an experiment that nothing else depends on
+
 
 @pytest.fixture(scope="module")
 def lots(atlas):

@@ -31,6 +31,7 @@ def runs(tmp_path_factory):
     return folder / "history", folder / "plain"
 
 
+@pytest.mark.slow
 def test_every_run_is_a_method_of_its_own(runs, atlas, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(recovery, "use_devices", lambda wanted, **_: DEVICES)  # jax has started
     file.save(tmp_path / "atlas.npz", atlas)

@@ -83,6 +83,7 @@ def test_who_is_named_is_the_likeliest_of_atlas_and_own_and_policies_count_withi
     assert right == 1.0 and np.isnan(good)
 
 
+@pytest.mark.slow
 def test_every_part_of_what_a_robot_computes_is_timed(atlas, monkeypatch):
     class Apprentice:
         def __init__(self, own):

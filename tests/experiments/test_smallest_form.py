@@ -57,6 +57,7 @@ SHOWN = {  # a part of what is printed
     "throughput": f"{DEVICES} devices; C MuJoCo",
     "tune_gait": "x_in_fine_c",
 }
+SLOW = {"cross_check", "estimator", "healthy_value", "peers", "physics_error", "self_model", "tune_gait"}
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
 # On runs that are finished: see the tests of their names.
 ELSEWHERE = {"atlases", "figure3", "losses21", "walking"}
@@ -67,7 +68,7 @@ def test_every_experiment_has_a_smallest_form():
     assert found == {*WORDS, *ELSEWHERE} and set(SHOWN) == set(WORDS)
 
 
-@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in WORDS])
 def test_it_runs(name, request, tmp_path, capsys, monkeypatch):
     module, out = (
         import_module(f"experiments.{name}"),

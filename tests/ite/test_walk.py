@@ -108,6 +108,7 @@ def test_what_touches_is_what_mujoco_says():
     assert {belly for _, belly in seen} == {False, True} and len({count for count, _ in seen}) > 4
 
 
+@pytest.mark.slow
 def test_a_real_search_keeps_what_its_gaits_walk(tmp_path):
     command = [sys.executable, "-m", "srl_jax.repertoire", "--evaluations", "20", "--batch", "16", "--devices", "2"]
     printed = subprocess.run([*command, "--out", str(tmp_path / "run")], capture_output=True, text=True, check=True)

@@ -6,6 +6,7 @@ import json
 import shutil
 
 import numpy as np
+import pytest
 
 from srl_jax.config import preset
 from srl_jax.job import memory, plan
@@ -73,6 +74,7 @@ def test_learned_behaviour_growing_damage_and_a_diverging_lane(tmp_path):
     assert found["0", "0", "reference/return"] == found["0", "1", "reference/return"] == tripod
 
 
+@pytest.mark.slow
 def test_lanes_that_do_not_fit_are_trained_in_waves(smoke_run, tmp_path):
     base = preset("smoke")
     short = dataclasses.replace(base.train, evaluate_every=160, checkpoint_every=160)

@@ -81,6 +81,7 @@ def test_operations_are_counted_per_update():
     assert memory.operations(once, {"ddpg": 1}) / 2_500 == pytest.approx(update, rel=0.06)
 
 
+@pytest.mark.slow
 def test_the_papers_networks_take_updates():
     paper = preset("paper")
     few = dataclasses.replace(paper.train, warmup=2, prior_steps=4, capacity=16)

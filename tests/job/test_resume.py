@@ -76,6 +76,7 @@ def test_a_terminated_run_saves_and_says_how_to_go_on(tmp_path):
     assert f"--resume {directory}" in printed
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_another_number_of_devices(tmp_path):
     """Begun on two devices, stopped, finished on one; that no bit is lost on the way: test_checkpoint."""
     base = preset("smoke")

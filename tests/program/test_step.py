@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from srl_jax.env import hexapod
 from srl_jax.job import start
@@ -115,6 +116,7 @@ def test_a_row_does_not_depend_on_its_neighbours(engine, data, trained):
     assert not np.array_equal(row(base.world.observation, 1), row(other.world.observation, 1))
 
 
+@pytest.mark.slow
 def test_a_row_does_not_depend_on_width_nor_on_blocks(engine, data, tiny, teachers, trained, fresh):
     """Alone on one device, as on an accelerator: other widths round differently; bitwise is for equal widths."""
     lane = engine.program.layout.rows[2]

@@ -10,7 +10,9 @@ from tests.env.star.robots import crab, quadruped
 ROBOTS = 64
 
 
-@pytest.fixture(scope="module", params=[quadruped, crab], ids=lambda make: make.__name__)
+@pytest.fixture(
+    scope="module", params=[quadruped, pytest.param(crab, marks=pytest.mark.slow)], ids=lambda make: make.__name__
+)
 def trial(request) -> Trial:
     """Robots whose masses, inertias, springs, servos and spheres differ by up to a tenth."""
     return attempt([mujoco.MjData(request.param())] * ROBOTS, spread=0.1)
