@@ -30,9 +30,9 @@ def read(path: Path) -> dict[str, Any]:
     return json.loads(gzip.decompress(base64.b64decode(found[1])))
 
 
-def made_of() -> str:
-    """The fingerprint of the sources that the template was built from."""
-    found = re.search(r"<!-- sources ([0-9a-f]{64}) -->", TEMPLATE.read_text()[:1000])
+def made_of(path: Path = TEMPLATE) -> str:
+    """The fingerprint of the sources that the template, or a page, was built from."""
+    found = re.search(r"<!-- sources ([0-9a-f]{64}) -->", path.read_text()[:1000])
     assert found
     return found[1]
 

@@ -63,6 +63,14 @@ def test_the_template_was_built_from_these_sources():
     assert page.made_of() == page.fingerprint(ROOT / "web"), "run `make demo-template`"
 
 
+def test_the_page_of_the_documentation_has_this_template_and_the_policies_that_it_speaks_of():
+    ready = ROOT / "docs" / "demo.html"
+    assert page.made_of(ready) == page.made_of(), "make it anew: srl-jax demo '' runs/p2p --out docs/demo.html"
+    atlas, run = page.read(ready)["sources"]
+    assert atlas["finds_out"] and {"healthy", "leg_rm", "tibia_lf", "leg_rm+leg_lf"} <= set(atlas["sets"]["atlas"])
+    assert run["task"] == "p2p" and [method["name"] for method in run["methods"]] == ["pi_B", "ddpg", "srl"]
+
+
 def test_another_source_is_another_fingerprint(tmp_path):
     (tmp_path / "src").mkdir()
     for name in ("src/a.js", "build.mjs", "package.json"):
