@@ -57,7 +57,10 @@ SHOWN = {  # a part of what is printed
     "throughput": f"{DEVICES} devices; C MuJoCo",
     "tune_gait": "x_in_fine_c",
 }
-SLOW = {"cross_check", "estimator", "healthy_value", "peers", "physics_error", "self_model", "tune_gait"}
+SLOW = {
+    *("cross_check", "estimator", "healthy_value", "peers", "physics_error"),
+    *("robot_posterior", "self_model", "throughput", "tune_gait"),
+}
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
 # On runs that are finished: see the tests of their names.
 ELSEWHERE = {"atlases", "figure3", "losses21", "walking"}
