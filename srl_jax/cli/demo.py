@@ -9,13 +9,13 @@ import tyro
 
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
+from srl_jax.cli.run import quiet
 
 if TYPE_CHECKING:
     from srl_jax.atlas.file import Atlas
     from srl_jax.portable import Policy
 
 PROGRAM = "srl-jax demo"
-SLOW = 0.1  # m/s below which a robot does not walk
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ def main(argv: list[str] | None = None) -> None:
 def _main(argv: list[str]) -> int:
     arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
     use_devices("1", solves=False)
+    quiet()
 
     from srl_jax.demo import page  # jax starts here
 
@@ -69,8 +70,8 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
             about = policies[0].about
             if about["history"]:
                 raise ValueError(f"{source} has env.history={about['history']}: the page's robot keeps none, give 0.")
-            made = f"Policies of {about['command']}, seed {arguments.seed}."
-            shown.append(payload.of_run(policies, f"{made} {checked(policies, None)}"))
+            made = f"Policies of a run of {about['steps']:,} environment steps a lane, seed {arguments.seed}."
+            shown.append(payload.of_run(policies, f"{made} {_checked(policies)}"))
             named += [own.about["damage"] for own in policies]
             clocks[source] = about["clock_hz"]
             continue
@@ -80,7 +81,9 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         own = of_atlas(atlas)
         policies = [own[name] for name in names]
         made = f"Made by {atlas.about['command']}."
-        shown.append(payload.of_atlas(dict(zip(names, policies, strict=True)), f"{made} {checked(policies, own)}"))
+        shown.append(
+            payload.of_atlas(dict(zip(names, policies, strict=True)), f"{made} {_checked(policies, own['healthy'])}")
+        )
         known, clocks[source or "the atlas that ships"] = payload.mind(atlas, names), atlas.about["clock_hz"]
         named += names
     if len({round(clock, 6) for clock in clocks.values()}) > 1:
@@ -90,32 +93,10 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
     return robot | {"sources": shown} | ({"atlas": known} if known else {})
 
 
-def checked(policies: "list[Policy]", atlas: "dict[str, Policy] | None") -> str:
-    """Says which policies walk for fifteen seconds after a cut in mid-walk, in the page's own physics.
-
-    Args:
-        policies: each is tried under its own damage.
-        atlas: of whose policy for the healthy robot they take over in mid-stride; None: from pi_B, after standing.
-    """
-    import jax
-    import numpy as np
-
+def _checked(policies: "list[Policy]", before: "Policy | None" = None) -> str:
     from srl_jax.demo import check
-    from srl_jax.env import gait
 
-    tripod = jax.jit(lambda seen: gait.act(gait.load(), seen))
-    before = atlas["healthy"] if atlas else lambda seen: np.asarray(tripod(seen))
-    speeds, failed = [], []
-    for own in policies:
-        about = own.about
-        walker = check.Walker(about["damage"], about["task"], about["kind"], about["clock_hz"])
-        walked = check.after_cut(walker, before, own, stands=atlas is None)
-        speeds.append(walked.speed)
-        if walked.fell or walked.speed < SLOW:
-            failed.append(about["damage"] if atlas else f"{about['method']} for {about['damage']}")
-    said = f"{len(policies) - len(failed)} of {len(policies)} walk on for 15 s after a cut in mid-walk"
-    missed = f", not so {', '.join(failed)}" if failed else ""
-    said += f" (median {np.median(speeds):.2f} m/s{missed})."
+    said = check.said(policies, before)
     print(said, flush=True)
     return said
 

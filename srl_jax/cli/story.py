@@ -18,6 +18,7 @@ from srl_jax.atlas.twins import ROOM, Composer
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.report import recovery as pictures
+from srl_jax.report.pace import WINDOW, speeds
 from srl_jax.report.recovery import Walker
 from srl_jax.types import Params
 
@@ -95,9 +96,9 @@ def walkers(atlas: Atlas, added: list[str]) -> list[str]:
     return [*atlas.trained_for, *(f"{name} (learned)" for name in added)]
 
 
-def speed(robot: CRobot | MjxRobot, step: int, window: int = pictures.WINDOW) -> float:
+def speed(robot: CRobot | MjxRobot, step: int, window: int = WINDOW) -> float:
     """m/s along x over the control steps before `step`."""
-    return float(pictures.speeds(np.array(robot.positions[:step]), window)[-1]) if step else 0.0
+    return float(speeds(np.array(robot.positions[:step]), window=window)[-1]) if step else 0.0
 
 
 def _learn(learn: Learn, damage: str, policy: Params, steps: tuple[int, ...]) -> Iterator[Params]:

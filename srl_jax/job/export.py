@@ -5,6 +5,7 @@ from pathlib import Path
 from srl_jax import machine
 from srl_jax.agents.settings import ActorConfig
 from srl_jax.env.interface import facts
+from srl_jax.job import command
 from srl_jax.job.students import Run, open_run
 from srl_jax.portable import Policy, pick
 from srl_jax.portable.policy import layers
@@ -46,6 +47,6 @@ def _student(run: Run, lane: Lane) -> Policy:
     damage = lane.damage if run.config.damage_mix else run.damage(lane)
     made = {"algo": lane.algo, "method": lane.method, "damage": damage, "seed": lane.seed}
     needed = facts(run.config.task, env.observation, run.robot.clock_hz, env.history)
-    command = f"srl-jax run, {run.config.steps:,} steps of {lane.method}"
-    about = made | needed | {"command": command, "versions": machine.versions()}
+    origin = {"steps": run.config.steps, "command": command.again(run.config), "versions": machine.versions()}
+    about = made | needed | origin
     return Policy(layers(run.learned(lane)["actor"]), about)

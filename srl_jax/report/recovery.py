@@ -9,11 +9,11 @@ import numpy as np
 from srl_jax.env.damage_names import HEALTHY
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.report import video
+from srl_jax.report.pace import speeds
 from srl_jax.report.paint import paint, visible_model
 from srl_jax.report.style import OTHERS, PALETTE, STYLE
 
 SIZE = (480, 270)  # pixels of each of the two pictures
-WINDOW = 20  # control steps over which a speed is shown
 SHOWN = 4  # hypotheses that have a colour
 
 
@@ -23,12 +23,6 @@ class Walker(NamedTuple):
     positions: np.ndarray  # f64[T, 25]
     policy: Sequence[str]  # in words, at every step
     thought: Sequence[str]  # likeliest, at every step
-
-
-def speeds(positions: np.ndarray, window: int = WINDOW) -> np.ndarray:
-    """m/s along x over the `window` control steps that end with each step, f64[T]; before the first it stood at 0."""
-    path = np.concatenate([np.zeros(window), positions[:, 0]])
-    return (path[window:] - path[:-window]) * CONTROL_HZ / window
 
 
 def save_figure(

@@ -8,11 +8,10 @@ import numpy as np
 from srl_jax.env.damage_names import HEALTHY
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.env.settings import EnvConfig
+from srl_jax.report.pace import WINDOW, speeds
 from srl_jax.report.paint import SIZE, Painter, paint, visible_model
 from srl_jax.report.video import GOAL, HOLD, caption
 from srl_jax.show.walk import Moment
-
-WINDOW = 20  # control steps over which a speed is shown, and for which the strike is announced
 
 
 def frames(
@@ -26,7 +25,7 @@ def frames(
         painter: as `paint`.
         size: width and height of the picture in pixels, both even.
     """
-    pace, pictures = speeds(np.stack([moment.qpos[:2] for moment in moments]), task), _pictures(moments, painter, size)
+    pace, pictures = speeds(np.stack([moment.qpos for moment in moments]), task), drawn(moments, painter, size)
     struck = next((step for step, moment in enumerate(moments) if moment.damage != HEALTHY), len(moments))
     frame = None
     for step, (moment, picture) in enumerate(zip(moments, pictures, strict=True)):
@@ -41,16 +40,9 @@ def frames(
         yield from [frame] * HOLD
 
 
-def speeds(positions: np.ndarray, task: str) -> np.ndarray:
-    """m/s over the second that ends with each step, f64[T] of f64[T, 2]: for ``x`` along x, otherwise anywhere."""
-    path = np.concatenate([np.zeros((WINDOW, 2)), positions])
-    come = path[WINDOW:] - path[:-WINDOW]
-    return (come[:, 0] if task == "x" else np.linalg.norm(come, axis=1)) * CONTROL_HZ / WINDOW
-
-
 def told(moments: Sequence[Moment], task: str) -> Iterator[str]:
     """What happened, a line for each who walked under a damage: the mean of its speeds, and how it ended."""
-    pace, before = speeds(np.stack([moment.qpos[:2] for moment in moments]), task), 0
+    pace, before = speeds(np.stack([moment.qpos for moment in moments]), task), 0
     for (walker, damage), own in groupby(enumerate(moments), lambda pair: (pair[1].walker, pair[1].damage)):
         steps, those = zip(*own, strict=True)
         goals = f", {those[-1].reached - before} goals" if those[0].goal.any() else ""
@@ -67,8 +59,8 @@ def _below(moment: Moment) -> str:
     return f"{moment.damage}    goals reached: {moment.reached}    {left:.2f} m to the goal"
 
 
-def _pictures(moments: Sequence[Moment], painter: Painter, size: tuple[int, int]) -> Iterator[np.ndarray]:
-    """One after the other, by stretches of one damage and one goal."""
+def drawn(moments: Sequence[Moment], painter: Painter, size: tuple[int, int]) -> Iterator[np.ndarray]:
+    """Pictures u8[height, width, 3] without captions, by stretches of one damage and one goal."""
     for (damage, *goal), own in groupby(moments, lambda moment: (moment.damage, *moment.goal)):
         marker = (np.array(goal), EnvConfig().goal_radius, GOAL) if any(goal) else None
         poses = np.stack([moment.qpos for moment in own])

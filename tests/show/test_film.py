@@ -21,12 +21,6 @@ def moments(count=4, goal=(0.0, 0.0), fell=False):
     return [*made[:-1], made[-1]._replace(fell=fell)]
 
 
-def test_speed_is_along_x_or_anywhere():
-    path = np.cumsum(np.tile([0.03, 0.04], (30, 1)), axis=0)
-    np.testing.assert_allclose(film.speeds(path, "x")[[0, 19, 29]], [0.03, 0.6, 0.6])
-    np.testing.assert_allclose(film.speeds(path, "p2p")[[19, 29]], 1.0)
-
-
 def test_what_happened_is_told():
     lines = list(film.told(moments(80, fell=True), "x"))
     assert lines[0].startswith("healthy: tripod walks 0.") and lines[0].endswith(" m/s for 2 s.")

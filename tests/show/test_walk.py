@@ -2,11 +2,13 @@
 
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 
+from srl_jax.env.damage import damaged_model
 from srl_jax.env.hexapod import CONTROL_HZ
-from srl_jax.show.walk import Walk
+from srl_jax.show.walk import STANDS, Walk
 from srl_jax.show.walker import Walker, by_policy, tripod
 from tests.portable.made import policy
 
@@ -65,6 +67,25 @@ def test_the_same_seed_is_the_same_walk():
     ends = [list(Walk(tripod("p2p"), "leg_rm", 0, seed).until(10))[-1] for seed in (3, 3, 4)]
     np.testing.assert_array_equal(ends[0].qpos, ends[1].qpos)
     assert not np.array_equal(ends[0].goal, ends[2].goal)
+
+
+def test_who_walked_before_goes_on_for_a_while_then_the_robot_stands_and_the_policy_starts_anew():
+    seen = []
+    walk = Walk(still("x", seen), "leg_rm", strike=30, unaware=15, rest=10)
+    moments = list(walk.until(57))
+    assert [m.walker for m in moments[28:]] == ["tripod"] * 17 + [STANDS] * 10 + ["nobody"] * 2
+    assert [m.damage for m in moments[28:32]] == ["healthy"] * 2 + ["leg_rm"] * 2
+    np.testing.assert_allclose(seen[0][:4], [0.0, 1.0, 1.0, 0.0], atol=1e-6)  # its clock begins, straight ahead
+    frame = np.empty(9)
+    mujoco.mju_quat2Mat(frame, moments[54].qpos[3:7])
+    assert walk.heading == pytest.approx(np.arctan2(frame[3], frame[0]), abs=1e-5) and abs(walk.heading) > 0.02
+
+
+def test_another_may_walk_before_in_other_physics():
+    seen = []
+    walk = Walk(tripod("x"), "leg_rm", strike=5, before=still("x", seen), model=damaged_model)
+    assert [m.walker for m in walk.until(7)] == ["nobody"] * 5 + ["tripod"] * 2
+    assert len(seen) == 5 and walk.heading == 0.0
 
 
 @pytest.mark.parametrize(
