@@ -12,20 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import jax
 import numpy as np
 import tyro
 
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
-from srl_jax.demo.check import STAND, Act, Walker
-from srl_jax.env import gait
+from srl_jax.demo.check import STAND
 from srl_jax.env.damage_names import HEALTHY
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.job import export
-from srl_jax.portable import Policy
-from srl_jax.report.paint import paint, visible_model
 from srl_jax.report.video import caption
+from srl_jax.show import film
+from srl_jax.show.walk import Moment, Walk
+from srl_jax.show.walker import by_policy, tripod
 
 BEFORE, AFTER = 30, 120  # control steps before the loss, and after it
 
@@ -57,42 +56,28 @@ def main(args: Args) -> None:
     policies = {own.about["algo"]: own for own in export.from_run(args.run, seed=args.seed)}
     if not {"ddpg", "srl"} <= policies.keys() or policies["srl"].about["task"] != "x":
         raise ValueError(f"run is {args.run}: it must be of --algos ddpg,srl on --task x.")
-    tripod = jax.jit(lambda seen: gait.act(gait.load(), seen))
-    old: Act = lambda seen: np.asarray(tripod(seen))  # noqa: E731
-    damage = policies["srl"].about["damage"]
-    robots = [
-        ("healthy, its gait", HEALTHY, None),
-        (f"without {damage}: the same gait", damage, None),
-        ("what DDPG learned", damage, policies["ddpg"]),
-        ("what SRL learned", damage, policies["srl"]),
+    damage, (ddpg, srl) = policies["srl"].about["damage"], (by_policy(policies[algo]) for algo in ("ddpg", "srl"))
+    old = tripod("x", srl.clock_hz, srl.kind)
+    walks = [
+        ("healthy, its gait", Walk(old, HEALTHY, BEFORE)),
+        (f"without {damage}: the same gait", Walk(old, damage, BEFORE)),
+        ("what DDPG learned", Walk(ddpg, damage, BEFORE, rest=STAND)),
+        ("what SRL learned", Walk(srl, damage, BEFORE, rest=STAND)),
     ]
-    about = policies["srl"].about
-    films = [_film(args, said, broken, about, old, learned) for said, broken, learned in robots]
-    frames = [np.block([[[a], [b]], [[c], [d]]]) for a, b, c, d in zip(*films, strict=True)]
-    _write(args, frames)
+    films = [_film(args, said, list(walk.until(BEFORE + AFTER))) for said, walk in walks]
+    _write(args, [np.block([[[a], [b]], [[c], [d]]]) for a, b, c, d in zip(*films, strict=True)])
     print(f"{args.path}: {args.path.stat().st_size / 1e6:.2f} MB")
 
 
-def _film(args: Args, said: str, damage: str, about: dict, old: Act, learned: Policy | None) -> Iterator[np.ndarray]:
-    """The pictures of one robot, each with a line below."""
-    walker, poses = Walker(damage, "x", about["kind"], about["clock_hz"]), []
-    for t in range(BEFORE + AFTER):
-        walker.broken = int(t >= BEFORE)
-        standing = learned is not None and BEFORE <= t < BEFORE + STAND
-        if t == BEFORE + STAND and learned:
-            walker.phase, walker.heading = 0.0, walker.ahead
-        walker.step(None if standing else learned if learned and t >= BEFORE else old)
-        poses.append(walker.data.qpos.copy())
-    size = (args.width, args.height)
-    shown = range(0, len(poses), args.every)
-    parts = ((HEALTHY, [t for t in shown if t < BEFORE]), (damage, [t for t in shown if t >= BEFORE]))
-    pictures = (
-        picture
-        for name, steps in parts
-        for picture in paint(visible_model(name), np.array([poses[t] for t in steps]), None, size=size)
-    )
+def _film(args: Args, said: str, moments: list[Moment]) -> Iterator[np.ndarray]:
+    """The pictures of one robot, each with a line below; one that has fallen stays as it lies."""
+    moments += moments[-1:] * (BEFORE + AFTER - len(moments))
+    shown = range(0, len(moments), args.every)
+    pictures = film.drawn([moments[t] for t in shown], "auto", (args.width, args.height))
     for picture, t in zip(pictures, shown, strict=True):
-        come = f"{poses[t][0] - poses[BEFORE][0]:.2f} m since" if t >= BEFORE else f"{t / CONTROL_HZ:.1f} s"
+        come = (
+            f"{moments[t].qpos[0] - moments[BEFORE].qpos[0]:.2f} m since" if t >= BEFORE else f"{t / CONTROL_HZ:.1f} s"
+        )
         yield np.concatenate([picture, caption(said, come, args.width)])
 
 

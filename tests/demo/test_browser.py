@@ -72,7 +72,7 @@ def test_its_robot_is_that_of_the_package(opened, damage):
         }""",
         [damage, walk.data.qpos.tolist(), walk.phase],
     )
-    # Observations here are of single precision: what that is after a second, gait and contacts have magnified after five.
+    # Observations here are of single precision; after a second that is nothing yet, after five contacts magnify it.
     for steps, places, atol in ((60, 25, 1e-5), (STEPS - 60, 3, 1e-3)):
         opened.evaluate(f"demo.run({steps})")
         found, expected = opened.evaluate("demo.state()"), list(walk.until(steps // 3))[-1].qpos
