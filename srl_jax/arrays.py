@@ -1,12 +1,35 @@
 """Files of named arrays, compressed and without pickle: all of a file is written or nothing of it."""
 
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-UNREADABLE = (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile)  # what reading such a file may end in
+# What reading such a file, and taking it apart, may end in.
+UNREADABLE = (OSError, KeyError, ValueError, EOFError, AttributeError, IndexError, TypeError, zipfile.BadZipFile)
+
+
+@contextmanager
+def reading(path: Path, what: str, made_by: str) -> Iterator[None]:
+    """What goes wrong within is said in one sentence.
+
+    Args:
+        path: of the file.
+        what: it should hold, such as "an atlas".
+        made_by: the command that makes one.
+
+    Raises:
+        ValueError: there is no such file, or it does not hold that.
+    """
+    try:
+        yield
+    except FileNotFoundError:
+        raise ValueError(f"{path} does not exist: make {what} with python -m srl_jax.{made_by}.") from None
+    except UNREADABLE as error:
+        raise ValueError(f"{path} cannot be read as {what} ({type(error).__name__}).") from error
 
 
 def save(path: Path, **arrays: Any) -> None:

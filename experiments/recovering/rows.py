@@ -96,9 +96,9 @@ ROWS = {
 }
 
 
-def cases(name: str, count: int) -> list[Case]:
-    """The lots of so many robots; always the same ones."""
-    row, random = ROWS[name], np.random.default_rng(zlib.crc32(name.encode()))
+def cases(name: str, count: int, seed: int = 0) -> list[Case]:
+    """The lots of so many robots; always the same ones of a seed."""
+    row, random = ROWS[name], np.random.default_rng(zlib.crc32(name.encode()) + seed)
     draw = row.damages
     if callable(draw):
         names = [str(draw(random)) for _ in range(count)]

@@ -15,12 +15,14 @@ from jax.scipy.special import logsumexp
 
 from srl_jax.env.senses import SIZE
 
+HEALTHY = 0.99  # share of the belief of the healthy robot before anything is felt
+
 
 class Likelihood(NamedTuple):
     """How residuals tell hypotheses apart; the file of an atlas holds what was fitted."""
 
     whitening: jax.Array  # f32[24, 24] L with L C L' = 1, C the covariance of a true hypothesis' residuals
-    tempering: float = 4.0  # steps whose errors count as one
+    tempering: float = 6.7  # steps whose errors count as one
     vague: float = 2.0  # times the standard deviation with which 'none of these' predicts
     most: float = 60.0  # squared norm beyond which a residual says no more: one bad reading must not decide
     mistaken: float = 0.05  # chance that a servo which is there does not answer, or one that is gone does
@@ -39,7 +41,7 @@ def even(admitted: jax.Array) -> jax.Array:
     return jnp.where(among, -jnp.log(jnp.sum(among)), -jnp.inf)
 
 
-def prior(log_even: jax.Array, healthy: float = 0.99) -> Belief:
+def prior(log_even: jax.Array, healthy: float = HEALTHY) -> Belief:
     """At the start: the first hypothesis is that of the healthy robot, which has this share; the rest has `even`'s."""
     return Belief(
         jnp.logaddexp(jnp.log1p(-healthy) + log_even, jnp.full_like(log_even, -jnp.inf).at[0].set(jnp.log(healthy)))

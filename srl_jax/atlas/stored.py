@@ -52,15 +52,11 @@ def read(path: str | Path = "") -> Atlas:
         ValueError: there is no such file, or it is no atlas.
     """
     path = Path(path) if path else DATA
-    try:
+    with arrays.reading(path, "an atlas", "atlas"):
         found = arrays.load(path)
         about = json.loads(str(found.pop("about")))
         damages, trained_for = tuple(about.pop("damages")), tuple(about.pop("trained_for"))
         measured = {name: found.pop(name) for name in MEASURED}
-    except FileNotFoundError:
-        raise ValueError(f"{path} does not exist: make an atlas with python -m srl_jax.atlas.") from None
-    except arrays.UNREADABLE as error:
-        raise ValueError(f"{path} cannot be read as an atlas ({type(error).__name__}).") from error
     shape = (len(trained_for), len(damages))
     if any(measured[name].shape != shape for name in ("speed", "falls")):
         raise ValueError(f"{path} is damaged: its matrix has not a row a policy and a column a damage.")

@@ -2,9 +2,7 @@
 
 import base64
 import gzip
-import hashlib
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -21,26 +19,3 @@ def write(out: Path, payload: dict[str, Any]) -> int:
     partial.write_text(before + base64.b64encode(packed).decode("ascii") + after)
     partial.replace(out)
     return out.stat().st_size
-
-
-def read(path: Path) -> dict[str, Any]:
-    """What a page carries."""
-    found = re.search(r'id="payload">([^<]*)<', path.read_text())
-    assert found
-    return json.loads(gzip.decompress(base64.b64decode(found[1])))
-
-
-def made_of(path: Path = TEMPLATE) -> str:
-    """The fingerprint of the sources that the template, or a page, was built from."""
-    found = re.search(r"<!-- sources ([0-9a-f]{64}) -->", path.read_text()[:1000])
-    assert found
-    return found[1]
-
-
-def fingerprint(web: Path) -> str:
-    """The same of a folder of sources, as its `build.mjs` reckons it."""
-    digest = hashlib.sha256()
-    names = [*sorted(f"src/{path.name}" for path in (web / "src").iterdir()), "build.mjs", "package.json"]
-    for name in names:
-        digest.update(name.encode() + b"\0" + (web / name).read_bytes() + b"\0")
-    return digest.hexdigest()

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from srl_jax.atlas import choice, tracking, trials
-from srl_jax.atlas.belief import Likelihood
+from srl_jax.atlas import belief, choice, tracking, trials
 from srl_jax.atlas.file import Atlas
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, senses
@@ -24,7 +23,6 @@ LEARNED = (
     "What {} has learned for this damage, from standing starts: so the robot stands for a second before it takes over, "
     "and takes its heading as the one to walk in."
 )
-HEALTHY_SHARE = 0.99  # of the belief before anything is felt, as `belief.prior` has it
 
 
 def robot(clock_hz: float, names: Iterable[str]) -> dict[str, Any]:
@@ -147,7 +145,7 @@ def mind(atlas: Atlas, names: Sequence[str]) -> dict[str, Any]:
     """How a robot finds out, among these damages of an atlas."""
     rows = [atlas.trained_for.index(name) for name in names]
     columns = [atlas.damages.index(name) for name in names]
-    likelihood = Likelihood(atlas.whitening)._asdict()  # pyright: ignore[reportArgumentType]
+    likelihood = belief.Likelihood(atlas.whitening)._asdict()  # pyright: ignore[reportArgumentType]
     whitening = likelihood.pop("whitening")
     return {
         "damages": list(names),
@@ -156,7 +154,7 @@ def mind(atlas: Atlas, names: Sequence[str]) -> dict[str, Any]:
         "whitening": whitening.tolist(),
         "gains": tracking.GAINS._asdict(),
         "likelihood": likelihood,
-        "prior_healthy": HEALTHY_SHARE,
+        "prior_healthy": belief.HEALTHY,
         "flat": trials.PRIOR.flat,
         "pace": {"hold": choice.PACE.hold, "margin": choice.PACE.margin},
     }

@@ -49,14 +49,10 @@ def load(path: str | Path = "") -> Repertoire:
         ValueError: there is no such file, or it is no repertoire.
     """
     path = Path(path) if path else DATA
-    try:
+    with arrays.reading(path, "a repertoire", "repertoire"):
         found = arrays.load(path)
         genes, fitness, contacts = found["genes"], found["fitness"], found["contacts"]
         about = json.loads(str(found["about"]))
-    except FileNotFoundError:
-        raise ValueError(f"{path} does not exist: make a repertoire with python -m srl_jax.repertoire.") from None
-    except arrays.UNREADABLE as error:
-        raise ValueError(f"{path} cannot be read as a repertoire ({type(error).__name__}).") from error
     count = len(genes)
     shapes = [x.shape for x in (genes, fitness, contacts)]
     if shapes != [(count, GENES), (count,), (count, DIMENSIONS)] or not count:

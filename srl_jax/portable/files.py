@@ -43,15 +43,11 @@ def load(path: str | Path) -> list[Policy]:
         ValueError: there is no such file, or it holds no policies.
     """
     path = Path(path)
-    try:
+    with arrays.reading(path, "policies", "export"):
         policies = _from_text(path) if path.suffix == ".json" else _from_arrays(path)
         if not policies or not all(policy.layers for policy in policies):
             raise KeyError("layers")
         return policies
-    except FileNotFoundError:
-        raise ValueError(f"{path} does not exist: make one with python -m srl_jax.export RUN.") from None
-    except (*arrays.UNREADABLE, AttributeError, IndexError, TypeError) as error:
-        raise ValueError(f"{path} cannot be read as policies ({type(error).__name__}).") from error
 
 
 def _layers(weights: Weights) -> tuple[Layer, ...]:

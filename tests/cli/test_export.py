@@ -1,35 +1,13 @@
 """The verb export: what it writes, what it says of it, and what is refused."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from srl_jax import portable
 from srl_jax.atlas import stored
 from srl_jax.cli import export
-from srl_jax.config import preset
-from tests.job.untrained import write
 
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("export") / "run"
-    write(dataclasses.replace(preset("smoke"), damage="leg_rm,leg_lf", algos="ddpg,srl"), directory)
-    return directory
-
-
-@pytest.fixture
-def asked(capsys, monkeypatch, tmp_path):
-    monkeypatch.setattr(export, "use_devices", lambda *_, **__: 1)  # jax has started
-    monkeypatch.chdir(tmp_path)
-
-    def ask(*words):
-        with pytest.raises(SystemExit) as ended:
-            export.main([str(word) for word in words])
-        return ended.value.code, capsys.readouterr()
-
-    return ask
+verb = export
 
 
 def test_a_run_as_one_file(finished, asked, tmp_path):

@@ -7,28 +7,8 @@ import pytest
 
 from srl_jax import portable, pretrained
 from srl_jax.cli import play
-from srl_jax.config import preset
-from tests.job.untrained import write
 
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("play") / "run"
-    write(dataclasses.replace(preset("smoke"), damage="leg_rm,leg_lf", algos="ddpg,srl"), directory)
-    return directory
-
-
-@pytest.fixture
-def asked(capsys, monkeypatch, tmp_path):
-    monkeypatch.setattr(play, "use_devices", lambda *_, **__: 1)  # jax has started
-    monkeypatch.chdir(tmp_path)
-
-    def ask(*words):
-        with pytest.raises(SystemExit) as ended:
-            play.main([str(word) for word in words])
-        return ended.value.code, capsys.readouterr()
-
-    return ask
+verb = play
 
 
 def test_a_video_is_left(asked, tmp_path):

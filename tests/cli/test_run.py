@@ -1,32 +1,13 @@
 """The options of a run: presets, what a resumed run accepts, and algorithms from outside the package."""
 
 import dataclasses
-from dataclasses import dataclass
 
 import pytest
 
-from srl_jax.agents import registry
-from srl_jax.agents.sweep import AgentSettings, Share
 from srl_jax.cli import run
 from srl_jax.config import preset
 from srl_jax.job import files
-
-
-@dataclass(frozen=True)
-class MySettings(AgentSettings):
-    """An algorithm that somebody else wrote."""
-
-    rate: Share = (0.5,)
-    """How fast it goes."""
-    layers: int = 2
-
-
-@pytest.fixture
-def mine(monkeypatch):
-    """A registered algorithm, forgotten afterwards."""
-    monkeypatch.setattr(registry, "_algorithms", {**registry._algorithms})
-    monkeypatch.setattr(registry, "_makers", {**registry._makers})
-    registry.register("mine", MySettings(), "nowhere.mine")
+from tests.job.registered import MySettings, _mine  # noqa: F401  a fixture
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """The page in a real browser: its robot is the package's, a click breaks it, and it recovers."""
 
 import os
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,9 @@ from srl_jax.env.damage import damaged_model
 from srl_jax.portable import rounded
 from srl_jax.show.walk import Walk
 from srl_jax.show.walker import by_policy
+from tests.browsing import _browser, needs_chromium, watched  # noqa: F401  a fixture
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'srl-jax[web]' brings playwright")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
-LOCAL = ("file:", "data:", "blob:")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed (Debian: apt-get install chromium)")
+pytestmark = needs_chromium
 STEPS = 300  # physics steps: five seconds
 
 
@@ -31,29 +27,13 @@ def written(tmp_path_factory):
     return out
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as play:
-        running = play.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        yield running
-        running.close()
-
-
 @pytest.fixture
 def opened(browser, written):
-    """The page, its clock stopped; a console error or an exception fails the test."""
-    errors, page = [], browser.new_page(viewport={"width": 1000, "height": 720})
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    page.on(
-        "request",
-        lambda asked: errors.append(asked.url) if not asked.url.startswith(("file:", "data:", "blob:")) else None,
-    )
-    page.goto(f"{written.as_uri()}?paused&plain")
-    page.wait_for_function("window.demo", timeout=60_000)
-    yield page
-    page.close()
-    assert errors == []
+    """The page, its clock stopped."""
+    with watched(browser, viewport={"width": 1000, "height": 720}) as page:
+        page.goto(f"{written.as_uri()}?paused&plain")
+        page.wait_for_function("window.demo", timeout=60_000)
+        yield page
 
 
 @pytest.mark.parametrize("damage", ["healthy", "leg_rm"])

@@ -12,6 +12,7 @@ from srl_jax.demo import page, payload
 from srl_jax.env import damage
 from srl_jax.env.damage import Damage
 from srl_jax.portable import rounded
+from tests.demo import pages
 
 ROOT = Path(__file__).parents[2]
 
@@ -55,18 +56,18 @@ def test_the_belief_is_over_the_damages_that_were_asked_for():
 def test_a_page_is_written_whole(tmp_path):
     size = page.write(tmp_path / "demo.html", {"xml": "<mujoco/>", "sources": [1]})
     assert size == (tmp_path / "demo.html").stat().st_size > 1e6
-    assert page.read(tmp_path / "demo.html") == {"xml": "<mujoco/>", "sources": [1]}
+    assert pages.read(tmp_path / "demo.html") == {"xml": "<mujoco/>", "sources": [1]}
     assert page.PLACE not in (tmp_path / "demo.html").read_text()
 
 
 def test_the_template_was_built_from_these_sources():
-    assert page.made_of() == page.fingerprint(ROOT / "web"), "run `make demo-template`"
+    assert pages.made_of() == pages.fingerprint(ROOT / "web"), "run `make demo-template`"
 
 
 def test_the_page_of_the_documentation_has_this_template_and_the_policies_that_it_speaks_of():
     ready = ROOT / "docs" / "demo.html"
-    assert page.made_of(ready) == page.made_of(), "make it anew: srl-jax demo '' runs/p2p --out docs/demo.html"
-    atlas, run = page.read(ready)["sources"]
+    assert pages.made_of(ready) == pages.made_of(), "make it anew: srl-jax demo '' runs/p2p --out docs/demo.html"
+    atlas, run = pages.read(ready)["sources"]
     assert atlas["finds_out"] and {"healthy", "leg_rm", "tibia_lf", "leg_rm+leg_lf"} <= set(atlas["sets"]["atlas"])
     assert run["task"] == "p2p" and [method["name"] for method in run["methods"]] == ["pi_B", "ddpg", "srl"]
 
@@ -75,6 +76,6 @@ def test_another_source_is_another_fingerprint(tmp_path):
     (tmp_path / "src").mkdir()
     for name in ("src/a.js", "build.mjs", "package.json"):
         (tmp_path / name).write_text("1")
-    before = page.fingerprint(tmp_path)
+    before = pages.fingerprint(tmp_path)
     (tmp_path / "src" / "a.js").write_text("2")
-    assert page.fingerprint(tmp_path) != before
+    assert pages.fingerprint(tmp_path) != before

@@ -2,32 +2,14 @@
 
 import dataclasses
 import shlex
-from dataclasses import dataclass
 from typing import Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
-from srl_jax.agents import registry
-from srl_jax.agents.sweep import AgentSettings, Share
 from srl_jax.cli import atlas, run
 from srl_jax.config import Config, Preset, preset
 from srl_jax.job import command
-
-
-@dataclass(frozen=True)
-class MySettings(AgentSettings):
-    """An algorithm that somebody else wrote."""
-
-    rate: Share = (0.5,)
-    layers: int = 2
-
-
-@pytest.fixture
-def mine(monkeypatch):
-    """A registered algorithm, forgotten afterwards."""
-    monkeypatch.setattr(registry, "_algorithms", {**registry._algorithms})
-    monkeypatch.setattr(registry, "_makers", {**registry._makers})
-    registry.register("mine", MySettings(), "nowhere.mine")
+from tests.job.registered import _mine  # noqa: F401  a fixture
 
 
 def parsed(text):

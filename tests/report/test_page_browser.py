@@ -1,7 +1,7 @@
 """A page in a real browser: a phone shows all of it, it is dark where the screen is, and paper cuts no figure."""
 
 import os
-import shutil
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +9,12 @@ import pytest
 
 from srl_jax.report.page import render
 from srl_jax.report.video import save_video
+from tests.browsing import _browser, needs_chromium, watched  # noqa: F401  a fixture
 from tests.report import contents
 from tests.report.runs import METHODS
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'srl-jax[web]' brings playwright")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 LONG = {("srl", "critic_lr=0.0003 guidance_weight=4 hidden=256,256 dropout=0.1"): 0.5}
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed (Debian: apt-get install chromium)")
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")
@@ -36,32 +34,19 @@ def written(tmp_path_factory):
     return folder / "report.html"
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as play:
-        running = play.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        yield running
-        running.close()
-
-
 @pytest.fixture
 def opened(browser, written):
-    """(width, scheme) -> the page; a console error, an exception or a request fails the test."""
-    errors, pages = [], []
+    """(width, scheme) -> the page."""
+    with ExitStack() as opening:
 
-    def open_(width, scheme="light"):
-        page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-        page.on("request", lambda asked: errors.append(asked.url) if asked.url[:5] not in ("file:", "data:") else None)
-        page.goto(written.as_uri())
-        pages.append(page)
-        return page
+        def open_(width, scheme="light"):
+            page = opening.enter_context(
+                watched(browser, viewport={"width": width, "height": 800}, color_scheme=scheme)
+            )
+            page.goto(written.as_uri())
+            return page
 
-    yield open_
-    for page in pages:
-        page.close()
-    assert errors == []
+        yield open_
 
 
 @pytest.mark.parametrize("width", [390, 1200])
