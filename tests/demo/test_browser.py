@@ -3,14 +3,18 @@
 import os
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from srl_jax.atlas import file
+from srl_jax.atlas import file, recovery
+from srl_jax.atlas.mind import widened
 from srl_jax.atlas.stored import policies
 from srl_jax.cli import demo
 from srl_jax.demo import page as pages
 from srl_jax.env.damage import damaged_model
+from srl_jax.env.senses import ANGLES, GRAVITY, GYROSCOPE, Senses
 from srl_jax.portable import rounded
 from srl_jax.show.walk import Walk
 from srl_jax.show.walker import by_policy
@@ -90,3 +94,38 @@ def test_what_the_page_has_no_damage_for_is_said(opened):
     opened.click("#repair")
     assert opened.evaluate("demo.state()")["damage"] == "healthy"
     assert opened.locator(".gone").count() == 0
+
+
+def test_it_doubts_as_the_package_does(opened):
+    """The page's bank of observers and its belief, against the package's on the same actions and senses."""
+    rows = opened.evaluate(
+        """() => {
+            const { story } = demo, { mind } = story, rows = [], doubt = mind.doubt.bind(mind);
+            mind.forget();
+            mind.doubt = (action, felt, answering) => {
+                doubt(action, felt, answering);
+                rows.push({ action, felt: Array.from(felt), answering, belief: Array.from(mind.belief) });
+            };
+            demo.run(60);
+            demo.lose('leg_rm');
+            demo.run(60);
+            delete mind.doubt;
+            return rows;
+        }"""
+    )
+    names, atlas = opened.evaluate("demo.story.mind.atlas.damages"), file.load()
+    mind = recovery.mind_of(atlas)
+    known = recovery.knowledge(atlas)
+    scope = recovery.scope(atlas, [name for name in atlas.damages if name not in names])
+    places = [atlas.damages.index(name) for name in names] + [-1]
+    memory, (known, scope) = mind.begin(known, scope, jax.random.key(0)), widened(known, scope)
+    doubt = jax.jit(mind.doubt)
+    unread = dict(speeds=np.zeros(18), towards=np.zeros(2), distance=np.zeros(()), come=np.zeros(()))
+    for row in rows:
+        felt = np.array(row["felt"], np.float32)
+        read = dict(joints=felt[ANGLES], gyroscope=felt[GYROSCOPE], gravity=felt[GRAVITY])
+        senses = Senses(answering=np.array(row["answering"]), **read, **unread)
+        states, belief = doubt(known, scope, memory._replace(action=jnp.array(row["action"])), senses)
+        memory = memory._replace(states=states, belief=belief)
+        np.testing.assert_allclose(np.exp(row["belief"]), np.exp(belief.log)[places], atol=0.05)
+    assert len(rows) == 40 and atlas.damages[int(np.argmax(memory.belief.log))] == "leg_rm"
