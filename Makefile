@@ -32,6 +32,11 @@ lint: $(VENV)/.installed-dev  ## check style, format and types; changes nothing
 docs: $(VENV)/.installed-dev  ## build the documentation's site into build/site; a link that leads nowhere fails
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
+dist: $(VENV)/.installed-dev  ## build sdist and wheel, and try the wheel in an empty environment outside the checkout
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist . >/dev/null
+	PYTHON=$(BIN)/python tests/wheel.sh dist/*.whl
+
 demo-template:  ## build the page that the demo fills anew, from web/ (needs Node.js and npm)
 	cd web && npm install --no-audit --no-fund --no-package-lock && npm run build
 
