@@ -4,7 +4,8 @@ AX-12A know neither bulk nor sync reads, so a round is one read a servo: positio
 lie side by side and come in one answer. A round ends at its deadline: who was not reached is read first in the next.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +15,10 @@ from srl_jax.robot.ports import Port
 from srl_jax.robot.table import BROADCAST, REGISTERS, bytes_of, signed
 
 PRESENT = (REGISTERS["present_position"].address, 8)  # up to and with the temperature
-TRIES = 3  # of a write that is answered
+TRIES = 3  # of what is not a round
+# s that an answer has where nothing hurries. Answers do not say what they answer: one that came after its time would be
+# taken for that to the next question. In a round all questions are the same, and it is no more than old.
+PATIENCE = 0.05
 
 
 class Reading(NamedTuple):
@@ -66,15 +70,16 @@ class Bus:
 
     def ping(self, number: int) -> bool:
         """Whether a servo answers, asked up to three times."""
-        return any(self._read(number, 0, 2) is not None for _ in range(TRIES))
+        return self.read(number, "id") == number
 
     def read(self, number: int, name: str) -> int | None:
         """A register's value; None: no answer after three tries."""
         register = REGISTERS[name]
-        for _ in range(TRIES):
-            found = self._read(number, register.address, register.size)
-            if found is not None:
-                return int.from_bytes(found[0], "little")
+        with self._patience():
+            for _ in range(TRIES):
+                found = self._read(number, register.address, register.size)
+                if found is not None:
+                    return int.from_bytes(found[0], "little")
         return None
 
     def write(self, number: int, name: str, value: int) -> bool:
@@ -86,10 +91,11 @@ class Bus:
         self._check(number, name, value)
         register = REGISTERS[name]
         data = bytes_of(name, value)
-        for _ in range(TRIES):
-            result, _ = self._asked(self._packets.writeTxRx, number, register.address, register.size, data)
-            if result == COMM_SUCCESS:
-                return True
+        with self._patience():
+            for _ in range(TRIES):
+                result, _ = self._asked(self._packets.writeTxRx, number, register.address, register.size, data)
+                if result == COMM_SUCCESS:
+                    return True
         return False
 
     def write_all(self, name: str, values: Mapping[int, int]) -> None:
@@ -140,6 +146,14 @@ class Bus:
             if reading is not None:
                 found[number] = reading
         return Round(found, asked)
+
+    @contextmanager
+    def _patience(self) -> Iterator[None]:
+        usual, self.port.answer = self.port.answer, PATIENCE
+        try:
+            yield
+        finally:
+            self.port.answer = usual
 
     def _present(self, number: int) -> Reading | None:
         now = self.port.clock.now()

@@ -16,6 +16,7 @@ from srl_jax.robot.clock import Clock
 from srl_jax.robot.table import BAUD
 
 ANSWER = 0.003  # s that a servo and its adapter have to answer, beyond the bytes' own time
+AFTER = 3  # reads of what is there already once a packet's time is over
 
 
 class BusLostError(Exception):
@@ -46,6 +47,8 @@ class Port(PortHandler):
 class SerialPort(Port):
     """A real adapter, or a pseudo-terminal."""
 
+    _after = 0  # reads since the packet's time was over
+
     def openPort(self) -> bool:  # noqa: N802
         """Opens it at 1 Mbps.
 
@@ -60,10 +63,12 @@ class SerialPort(Port):
     def readPort(self, length: int) -> bytes:  # noqa: N802
         """Up to so many bytes: those that are there, or that come before the packet's time is over; then none."""
         left = self.left()
-        if length <= 0 or left <= 0.0:  # after its time a babbling line is not listened to
+        # What has come while this program was not let run is taken; but to a babbling line one listens no longer.
+        self._after = self._after + 1 if left <= 0.0 else 0
+        if length <= 0 or self._after > AFTER:
             return b""
         with lost():
-            ready, _, _ = select.select([self.ser.fileno()], [], [], left)
+            ready, _, _ = select.select([self.ser.fileno()], [], [], max(left, 0.0))
             if not ready:
                 return b""
             found = os.read(self.ser.fileno(), length)
@@ -89,3 +94,25 @@ def lost() -> Iterator[None]:
         yield
     except (OSError, termios.error, serial.SerialException, TypeError) as error:  # TypeError: closed meanwhile
         raise BusLostError(str(error)) from error
+
+
+class ImuPort:
+    """The serial port of an inertial unit."""
+
+    def __init__(self, name: str, baud: int = 115_200) -> None:
+        """Opens it.
+
+        Raises:
+            ValueError: there is no such port, or it is no serial port.
+        """
+        try:
+            self._serial = serial.Serial(name, baud, timeout=0)
+        except (OSError, termios.error) as error:
+            raise ValueError(f"imu is {name}: it cannot be opened as a serial port ({error}).") from None
+
+    def read(self) -> bytes:
+        """All that have come; a port that has gone says nothing, which is noticed by its silence."""
+        try:
+            return self._serial.read(4096)
+        except (OSError, termios.error, serial.SerialException):
+            return b""

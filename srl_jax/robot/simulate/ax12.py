@@ -4,7 +4,7 @@ Written after the data sheet and independent of `robot.bus`, so that a mistake t
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from srl_jax.robot.table import CENTRE, EEPROM, REGISTERS, SIZE, SPEED, TICK, Register
@@ -26,9 +26,16 @@ class Drive(NamedTuple):
 
 
 class Servo:
-    """One servo; whoever simulates its joint tells it where that is."""
+    """One servo."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, joint: Callable[[], tuple[float, float, float]] = lambda: (0.0, 0.0, 0.0)) -> None:
+        """As it comes from the factory, but for its number.
+
+        Args:
+            number: on the line.
+            joint: gives its angle (rad), speed (rad/s) and torque as a share of the stall torque.
+        """
+        self.joint = joint
         self.table = bytearray(SIZE)
         for register in REGISTERS.values():
             self._put(register, register.initial)
@@ -42,24 +49,18 @@ class Servo:
         register = REGISTERS[name]
         return int.from_bytes(self.table[register.address : register.address + register.size], "little")
 
-    def feel(self, angle: float, speed: float, torque: float, everyone: float, seconds: float) -> None:
-        """Takes in what its joint does.
+    def warm(self, torque: float, everyone: float, seconds: float) -> None:
+        """What time does to it.
 
         Args:
-            angle: rad.
-            speed: rad/s.
             torque: share of its stall torque that the motor gives.
             everyone: mean share of all servos, which is what the battery feels.
-            seconds: since the last time.
+            seconds: for so long.
         """
         self.heat += seconds / SLOWNESS * (ROOM + WARMTH * torque**2 - self.heat)
         volts = round(10.0 * (BATTERY - SAG * everyone))
-        self._put(REGISTERS["present_position"], min(max(CENTRE + round(angle / TICK), 0), 1023))
-        self._put(REGISTERS["present_speed"], _magnitude(speed / SPEED))
-        self._put(REGISTERS["present_load"], _magnitude(torque * 1023.0))
         self._put(REGISTERS["present_voltage"], volts)
         self._put(REGISTERS["present_temperature"], round(self.heat))
-        self._put(REGISTERS["moving"], int(abs(speed) > 0.1))
         hot = self.heat > self.get("temperature_limit")
         low = not self.get("lowest_voltage") <= volts <= self.get("highest_voltage")
         self._error = hot * HEAT | low * VOLTAGE
@@ -67,6 +68,13 @@ class Servo:
             self._put(REGISTERS["torque_enable"], 0)
             self._put(REGISTERS["torque_limit"], 0)
             self.drive = self._drive()
+
+    def _look(self) -> None:
+        angle, speed, torque = self.joint()
+        self._put(REGISTERS["present_position"], min(max(CENTRE + round(angle / TICK), 0), 1023))
+        self._put(REGISTERS["present_speed"], _magnitude(speed / SPEED))
+        self._put(REGISTERS["present_load"], _magnitude(torque * 1023.0))
+        self._put(REGISTERS["moving"], int(abs(speed) > 0.1))
 
     def execute(self, instruction: int, parameters: Sequence[int]) -> tuple[int, bytes]:
         """Does what it is told; error bits and data of the answer."""
@@ -76,6 +84,7 @@ class Servo:
             if first + count > SIZE:
                 error = RANGE
             else:
+                self._look()
                 data = bytes(self.table[first : first + count])
         elif instruction == WRITE and len(parameters) > 1:
             error = self.write(parameters[0], bytes(parameters[1:]))

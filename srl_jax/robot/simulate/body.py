@@ -1,5 +1,6 @@
 """What hangs on the simulated servos: the hexapod in C MuJoCo, at settings that leave no error worth naming."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from srl_jax.robot.table import IDS, STALL
 
 BEHIND = 0.25  # s of simulation that a robot catches up with at once; more is passed over
 IMU_PERIOD = 0.01  # s
+WARM_PERIOD = 0.1  # s from one reckoning of temperature and voltage to the next
 NOISE = {"gravity": 0.02, "rate": 0.05}  # standard deviations of a line, as in training
-FELT = 5  # physics steps from one look of the servos at their joints to the next
 
 
 class Body:
@@ -34,21 +35,21 @@ class Body:
         import mujoco
 
         self._mujoco = mujoco
-        self.servos = {number: Servo(number) for number in IDS}
+        self.servos = {number: Servo(number, partial(self._joint, joint)) for joint, number in enumerate(IDS)}
+        self._ready: dict[str, tuple[Any, np.ndarray]] = {}  # model, and which joints have their link
         self._random, self._noise = np.random.default_rng(seed), noise
-        self.now = now
+        self.now = self._warmed = now
         self._goal: np.ndarray | None = None  # f64[18] rad that the motors pull to
         self.strike(damage)
         self.data = mujoco.MjData(self._model)
         self.data.qpos[:] = self._model.key("stance").qpos
-        self._pulled = np.zeros(18)
         self._line, self._lines = now, b""
-        self.advance(now + BEHIND)
-        self.now = self._line = now
+        self.advance(now + BEHIND)  # it falls
+        self.now = self._line = self._warmed = now
         self._lines = b""
 
-    def strike(self, damage: str) -> None:
-        """From now on the robot has a damage; servos of joints that it has lost are silent.
+    def prepare(self, damage: str) -> None:
+        """Makes ready what a damage will need, which takes longer than a control step.
 
         Raises:
             ValueError: a bad damage name.
@@ -56,10 +57,15 @@ class Body:
         from srl_jax.env import damage as damages
         from srl_jax.evaluate import converged_model
 
-        self._model: Any = converged_model(damage)
+        if damage not in self._ready:
+            self._ready[damage] = converged_model(damage), np.asarray(damages.present(damages.build(damage)))
+
+    def strike(self, damage: str) -> None:
+        """From now on the robot has a damage; servos of joints that it has lost are silent. Errors as `prepare`."""
+        self.prepare(damage)
+        self._model, present = self._ready[damage]
         self.damage = damage
         self._own = {name: getattr(self._model, name).copy() for name in _SERVO}
-        present = np.asarray(damages.present(damages.build(damage)))
         for number, there in zip(IDS, present, strict=True):
             self.servos[number].alive = bool(there)
         self._drives: list[Any] = []
@@ -68,16 +74,19 @@ class Body:
         """Simulates until a moment, in steps of 2 ms."""
         step = self._model.opt.timestep
         if now - self.now > BEHIND + step:
-            self.now = now - BEHIND
-        steps = int((now - self.now) / step + 1e-6)
-        while steps > 0:
-            count = min(steps, FELT)
+            self.now = self._line = self._warmed = now - BEHIND
+        while self.now + step <= now + 1e-9:
+            until = min(now, self._line + IMU_PERIOD)
+            count = max(int((until - self.now) / step + 1e-6), 1)
             self._pull(count * step)
             self._mujoco.mj_step(self._model, self.data, nstep=count)
             self.now += count * step
-            steps -= count
-            self._feel(count * step)
-            self._tell()
+            if self.now + 1e-9 >= self._line + IMU_PERIOD:
+                self._line += IMU_PERIOD
+                self._tell()
+            if self.now + 1e-9 >= self._warmed + WARM_PERIOD:
+                self._warm(self.now - self._warmed)
+                self._warmed = self.now
 
     def lines(self) -> bytes:
         """What the inertial unit has said since this was last asked."""
@@ -107,19 +116,20 @@ class Body:
         self._goal = np.clip(goal, here - reach, here + reach)
         self.data.ctrl[:] = self._goal
 
-    def _feel(self, seconds: float) -> None:
-        torques = self.data.actuator_force / STALL
-        everyone = float(np.abs(torques).mean())
-        for joint, number in enumerate(IDS):
-            angle, speed = self.data.qpos[7 + joint], self.data.qvel[6 + joint]
-            self.servos[number].feel(float(angle), float(speed), float(torques[joint]), everyone, seconds)
+    def _joint(self, joint: int) -> tuple[float, float, float]:
+        data = self.data
+        return float(data.qpos[7 + joint]), float(data.qvel[6 + joint]), float(data.actuator_force[joint]) / STALL
+
+    def _warm(self, seconds: float) -> None:
+        torques = np.abs(self.data.actuator_force) / STALL
+        everyone = float(torques.mean())
+        for number, torque in zip(IDS, torques.tolist(), strict=True):
+            self.servos[number].warm(torque, everyone, seconds)
 
     def _tell(self) -> None:
-        """Lines that are due."""
-        while self._line + IMU_PERIOD <= self.now + 1e-9:
-            self._line += IMU_PERIOD
-            noise = {name: self._noise * size * self._random.standard_normal(3) for name, size in NOISE.items()}
-            self._lines += imu.line(-self.frame[2] + noise["gravity"], self.data.qvel[3:6] + noise["rate"])
+        """The inertial unit says a line."""
+        noise = {name: self._noise * size * self._random.standard_normal(3) for name, size in NOISE.items()}
+        self._lines += imu.line(-self.frame[2] + noise["gravity"], self.data.qvel[3:6] + noise["rate"])
 
     def report(self) -> dict[str, Any]:
         """Where it is and what it does, for judges."""

@@ -45,7 +45,8 @@ class Wire(Port):
         if self.unplugged:
             raise BusLostError(f"{self.port_name} has gone")
         self._clock.body.advance(self.clock.now())
-        self._coming.extend(self.line.feed(bytes(packet), self.clock.now()))
+        answers = self.line.feed(bytes(packet), self.clock.now())
+        self._coming = deque(sorted([*self._coming, *answers]))  # those that are late are overtaken
         return len(packet)
 
     def readPort(self, length: int) -> bytes:  # noqa: N802

@@ -1,0 +1,141 @@
+"""The verb ``deploy``: a policy walks on the robot itself, over its servos' bus, or on a simulated one."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from srl_jax import pretrained
+from srl_jax.cli import play
+from srl_jax.cli.ending import leave
+from srl_jax.cli.signals import StopSignals
+from srl_jax.env import damage_names
+from srl_jax.portable import Policy
+
+PROGRAM = "srl-jax deploy"
+NONE = "none"
+TASK = "x"  # the one for which a robot need not know where it is
+STRAIGHT = "x,y,z"
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Walk on the robot itself: stand up joint by joint, walk straight ahead, lie down. Ctrl-C makes it lie down; a
+    second one lets it go at once."""
+
+    policy: Annotated[str, tyro.conf.Positional] = "atlas"
+    """atlas (which ships), the directory of a finished run, or a file of python -m srl_jax.export (.npz, .json)."""
+    port: str = ""
+    """Of the servos' adapter, such as /dev/ttyUSB0."""
+    simulate: bool = False
+    """Instead of a port, a simulated robot: python -m srl_jax.robot.simulate."""
+    imu: str = ""
+    """Port of the inertial unit, such as /dev/ttyACM0; none: the robot is taken to be level, and may tip unnoticed."""
+    imu_axes: str = STRAIGHT
+    """The unit's axes that point ahead, to the left and up, such as -y,x,z."""
+    seconds: float = 20.0
+    """Of walking."""
+    trained_for: str = damage_names.HEALTHY
+    """The damage whose policy walks first."""
+    switch: bool = True
+    """Where servos fall silent, go on by the policy for what is lost, if there is one."""
+    algo: str = ""
+    """Of a run or file that has several; empty: srl where there is one."""
+    torque: float = 1.0
+    """Share of a servo's torque that it may use; .4 is enough on a stand."""
+    calibration: str = ""
+    """JSON of joints that differ from the kit: {"tibia_rf": {"zero": 498, "sign": -1}}."""
+    log: str = "walk.jsonl"
+    """What is left of the walk, a line a step."""
+    dry_run: bool = False
+    """Write nothing to the servos; print what would be sent."""
+    damage: str = damage_names.HEALTHY
+    """With --simulate: what the robot loses, such as leg_rm."""
+    strike: float = 5.0
+    """With --simulate: after so many seconds of walking; 0: it has it from the start."""
+    faults: str = ""
+    """With --simulate: shares of packets that go wrong, such as drop=.02,corrupt=.01,late=.05."""
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Parses the command line and walks; exits as `leave` says, with 1 where the walk ended before its time."""
+    leave(_main, sys.argv[1:] if argv is None else argv)
+
+
+def _main(argv: list[str]) -> int:
+    arguments = tyro.cli(Arguments, args=argv, prog=PROGRAM)
+    _check(arguments)
+    repertoire = _repertoire(arguments)
+    try:
+        from srl_jax.cli import deploy_story
+    except ModuleNotFoundError as error:
+        if error.name not in ("serial", "dynamixel_sdk"):
+            raise
+        raise ValueError("deploy needs the extra robot: pip install 'srl-jax[robot]'.") from None
+    with _ports(arguments) as (bus, imu, simulated):
+        return deploy_story.go(arguments, bus, imu, repertoire, simulated, StopSignals().requested)
+
+
+@contextmanager
+def _ports(arguments: Arguments) -> Iterator[tuple]:
+    """Names of bus and inertial unit (empty: none), and the simulated robot if it is one."""
+    if not arguments.simulate:
+        yield arguments.port, "" if arguments.imu == NONE else arguments.imu, None
+        return
+    from srl_jax.robot.simulate.child import Simulated
+
+    words = ["--damage", arguments.damage, "--strike", "inf" if arguments.strike else "0", "--faults", arguments.faults]
+    with Simulated(*words) as simulated:
+        yield simulated.bus, simulated.imu, simulated
+
+
+def _check(arguments: Arguments) -> None:
+    """Raises ValueError for what does not fit together."""
+    if arguments.simulate == bool(arguments.port):
+        raise ValueError(
+            f"port is {arguments.port!r}: give the adapter's, such as /dev/ttyUSB0, or --simulate instead."
+        )
+    if arguments.port and not arguments.imu:
+        raise ValueError("imu is missing: give its port, such as /dev/ttyACM0, or none, and tipping is not noticed.")
+    if arguments.simulate and arguments.imu:
+        raise ValueError(f"imu is {arguments.imu!r}: a simulated robot has its own; leave it out.")
+    damage_names.canonical(arguments.damage)
+    for name, least, most in (("seconds", 0.05, 86_400.0), ("torque", 0.05, 1.0), ("strike", 0.0, 86_400.0)):
+        if not least <= getattr(arguments, name) <= most:
+            raise ValueError(f"{name} is {getattr(arguments, name)}: accepted is {least:g} to {most:g}.")
+    if Path(arguments.log).is_dir():
+        raise ValueError(f"log is {arguments.log}: give a file.")
+
+
+def _repertoire(arguments: Arguments) -> dict[str, Policy]:
+    """Policies by the damage that they are for; first the one that walks first."""
+    from srl_jax.robot.policy import checked
+
+    name, first = arguments.policy, damage_names.canonical(arguments.trained_for)
+    if name == play.TRIPOD:
+        raise ValueError(
+            "policy is 'tripod', a script that needs jax: give atlas, or what python -m srl_jax.export wrote."
+        )
+    chosen = checked(play.chosen(play.Arguments(policy=name, task=_task(name), algo=arguments.algo), first))
+    found = {first: chosen}
+    if not arguments.switch:
+        return found
+    if name in play.SHIPPED:
+        names = [own for own in pretrained.names() if (own.name, own.task) == (name, TASK)]
+        return found | {own.damage: pretrained.load(*own[:1], task=own.task, damage=own.damage) for own in names}
+    for policy in play.policies(name):
+        if all(policy.about[key] == chosen.about[key] for key in ("task", "kind", "algo")):
+            found.setdefault(policy.about["damage"], policy)
+    return found
+
+
+def _task(name: str) -> str:
+    """The task of what is asked for; where it is another than ours, `checked` says so in a sentence about robots."""
+    if name in play.SHIPPED:
+        return TASK
+    tasks = [policy.about.get("task") for policy in play.policies(name)]
+    return TASK if TASK in tasks else str(tasks[0])
