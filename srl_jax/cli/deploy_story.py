@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from srl_jax import __version__
+from srl_jax.cli.deploy_options import Arguments
 from srl_jax.portable import Policy
 from srl_jax.robot import log, outing, servo
 from srl_jax.robot.bus import Bus
@@ -22,7 +23,6 @@ from srl_jax.robot.ports import BusLostError, ImuPort, SerialPort
 from srl_jax.robot.safety import Poses, Watch
 
 if TYPE_CHECKING:
-    from srl_jax.cli.deploy import Arguments
     from srl_jax.robot.simulate.child import Simulated
 
 
@@ -50,7 +50,7 @@ class Told:
 
 
 def go(
-    arguments: "Arguments",
+    arguments: Arguments,
     bus_name: str,
     imu_name: str,
     repertoire: dict[str, Policy],
@@ -114,8 +114,8 @@ def _tell(outcome: Outcome, robot: Hexapod, places: list[Any], simulated: "Simul
             far = f", {float(np.hypot(*np.subtract(simulated.report()['place'], places[0])[:2])):.2f} m"
         print(f"It walked {outcome.seconds:.1f} s{far}, {steps} steps.")
         print(
-            f"Goals went out late by {1e3 * outcome.jitter(0.5):.2f} ms (p50), {1e3 * outcome.jitter(0.99):.2f} ms (p99), "
-            f"{1e3 * max(outcome.late):.2f} ms (worst); {outcome.overruns} overruns, {outcome.skipped} deadlines skipped."
+            f"Goals went out late by {1e3 * outcome.jitter(0.5):.2f} ms (p50), {1e3 * outcome.jitter(0.99):.2f} (p99), "
+            f"{1e3 * max(outcome.late):.2f} (worst); {outcome.overruns} overruns, {outcome.skipped} deadlines skipped."
         )
     print(
         f"Packets: {counts.asked} asked for an answer, {counts.silent} had none, {counts.corrupt} a broken one "

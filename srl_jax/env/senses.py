@@ -57,14 +57,14 @@ def felt(senses: Senses) -> "jax.Array":
 
 def observation(
     senses: Senses,
-    phase: Array,
+    phase: "Array | np.floating",
     *,
     task: str,
     kind: str,
     beyond: Beyond | None = None,
     history: "Array | None" = None,
     xp: ModuleType | None = None,
-) -> Array:
+) -> "jax.Array":
     """The observation f32[O], components of order one; `interface.layout` names its parts.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
@@ -77,7 +77,7 @@ def observation(
         kind: onboard, rates or full.
         beyond: for `full`.
         history: f32[K, R + 18], see `env.history`.
-        xp: NumPy, where there is no jax; None: jax.numpy.
+        xp: NumPy, where there is no jax, and its arrays are returned; None: jax.numpy.
 
     Raises:
         ValueError: `full`, and nobody says what no sensor tells.

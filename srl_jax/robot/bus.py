@@ -69,8 +69,8 @@ class Bus:
         self._next = 0  # the servo with which the next round begins
 
     def ping(self, number: int) -> bool:
-        """Whether a servo answers, asked up to three times."""
-        return self.read(number, "id") == number
+        """Whether a servo answers, asked up to nine times: who is taken for lost here is lost for the whole walk."""
+        return any(self.read(number, "id") == number for _ in range(TRIES))
 
     def read(self, number: int, name: str) -> int | None:
         """A register's value; None: no answer after three tries."""
@@ -126,15 +126,16 @@ class Bus:
         Args:
             numbers: of the servos.
             until: moment of the port's clock at which no more are asked.
-            doubted: those of them that come first and are asked three times, for they were silent before.
+            doubted: those of them that are asked three times, for they were silent before; after the others, whom
+                their silence must not keep waiting.
         """
         order = list(numbers)
         start = next((place for place, number in enumerate(order) if number == self._next), 0)
         order = order[start:] + order[:start]
         found: dict[int, Reading] = {}
         asked: dict[int, int] = {}
-        plan = [number for number in order if number in doubted for _ in range(TRIES)]
-        plan += [number for number in order if number not in doubted] + order
+        sure = [number for number in order if number not in doubted]
+        plan = sure + [number for number in order if number in doubted] * TRIES + sure
         for number in plan:
             if number in found or asked.get(number, 0) >= (TRIES if number in doubted else 2):
                 continue

@@ -4,6 +4,7 @@ It waits at the end of a pipe. Where the pipe ends without the word that all is 
 every servo go. It is a process of its own, in a session of its own, so that what kills the other does not kill it.
 """
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -44,9 +45,10 @@ def main(port: str) -> int:
     line = serial.Serial(port, BAUD, timeout=0)
     os.write(1, WELL)
     if os.read(0, 1) != WELL:
-        for _ in range(TIMES):
-            line.write(LIMP)
-            time.sleep(PAUSE)
+        with contextlib.suppress(OSError):  # the bus has gone: nobody can be told anything
+            for _ in range(TIMES):
+                line.write(LIMP)
+                time.sleep(PAUSE)
     return 0
 
 

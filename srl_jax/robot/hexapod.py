@@ -16,6 +16,7 @@ from srl_jax.robot.table import named
 PERIOD = 1.0 / CONTROL_HZ
 MISSED = 3  # rounds without an answer until a joint counts as lost; from the one before it is asked three times
 SILENT = 2  # rounds without any answer until the bus does
+ENOUGH = 4  # servos, not doubted before, whose common silence is the bus's
 AHEAD = 2.0 * PERIOD  # s that a joint is taken to move on after its last reading
 
 
@@ -85,7 +86,10 @@ class Hexapod:
         here = [joint for joint in range(18) if self.alive[joint]]
         doubted = {ids[joint] for joint in here if self._missed[joint] >= MISSED - 1}
         found, asked = self.bus.round([ids[joint] for joint in here], until, doubted)
-        self._silent = 0 if found or not asked else self._silent + 1
+        if found:
+            self._silent = 0
+        elif len(set(asked) - doubted) >= ENOUGH:
+            self._silent += 1
         if self._silent >= SILENT:
             raise BusLostError("no servo answers any more")
         died = []
@@ -106,7 +110,7 @@ class Hexapod:
         return self.calibration.steps(self.servos.command(wanted, sensed.angles, sensed.speeds, PERIOD))
 
     def send(self, goals: np.ndarray) -> None:
-        """Sends goal positions i[18] to the servos that are there, in one packet, and that twice: nobody confirms it."""
+        """Sends goal positions i[18] to the servos that are there, in one packet, sent twice: nobody confirms it."""
         ids = self.calibration.ids
         for _ in range(2):
             self.bus.write_all("goal_position", {ids[j]: int(goals[j]) for j in range(18) if self.alive[j]})

@@ -4,9 +4,9 @@ A line is ASCII, fifty to two hundred of them a second::
 
     $G,<gx>,<gy>,<gz>,<wx>,<wy>,<wz>*<sum>
 
-g: direction of gravity in the unit's frame, in 1/10000 (at rest and level 0,0,-10000). w: turning rate, mrad/s, positive
-counter-clockwise about each axis. sum: exclusive or of all characters between $ and *, as two hexadecimal digits.
-All six are whole numbers. A line that does not add up is dropped.
+g: direction of gravity in the unit's frame, in 1/10000 (at rest and level 0,0,-10000). w: turning rate, mrad/s,
+positive counter-clockwise about each axis. sum: exclusive or of all characters between $ and *, as two hexadecimal
+digits. All six are whole numbers. A line that does not add up is dropped.
 """
 
 import math
@@ -73,8 +73,8 @@ def mounting(axes: str) -> np.ndarray:
     found = np.array([sign * row for sign, row in zip(signs, rows, strict=True)])
     if found.shape != (3, 3) or round(float(np.linalg.det(found))) != 1:
         raise ValueError(
-            f"imu-axes is {axes!r}: give the unit's axes that point ahead, to the left and up, of a right-handed frame, "
-            "such as x,y,z or -y,x,z."
+            f"imu-axes is {axes!r}: give the unit's axes that point ahead, to the left and up, of a right-handed "
+            "frame, such as x,y,z or -y,x,z."
         )
     return found
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from srl_jax.env.senses import Senses
 from srl_jax.portable import Policy
-from srl_jax.robot.hexapod import PERIOD
+from srl_jax.robot.hexapod import PERIOD, Sensed
 from srl_jax.robot.policy import Walker
 from srl_jax.robot.servo import STANDING, Calibration, Servos
 
@@ -34,12 +34,14 @@ class Entry(NamedTuple):
     temperature: int
 
 
-def entry(time: float, late: float, phase: float, sensed: Any, action: np.ndarray, goals: np.ndarray) -> Entry:
-    """The entry of a step; sensed as `hexapod.Sensed`."""
+def entry(time: float, late: float, phase: float, sensed: Sensed, action: np.ndarray, goals: np.ndarray) -> Entry:
+    """The entry of a step."""
     own: Senses = sensed.senses
-    felt = [np.asarray(x).tolist() for x in (own.joints, own.speeds, own.answering, own.gyroscope, own.gravity)]
-    more = [np.asarray(x).tolist() for x in (own.towards, sensed.angles, action, goals)]
-    return Entry(time, late, phase, *felt, *more, sensed.missed, sensed.voltage, sensed.temperature)
+    each = {name: getattr(own, name) for name in ("joints", "speeds", "answering", "gyroscope", "gravity", "towards")}
+    each |= {"angles": sensed.angles, "action": action, "goals": goals}
+    lists = {name: np.asarray(value).tolist() for name, value in each.items()}
+    single = {name: getattr(sensed, name) for name in ("missed", "voltage", "temperature")}
+    return Entry(time=time, late=late, phase=phase, **lists, **single)
 
 
 class Writer:

@@ -66,7 +66,7 @@ class Loop:
             self.clock.sleep_until(deadline - min(max(took) + THINK, WIDEST))
             began = self.clock.now()
             sensed = self.robot.sense(deadline - THINK, deadline)
-            took.append(self.clock.now() - began)
+            took.append(WIDEST if sensed.missed else self.clock.now() - began)  # bad packets want time
             self.watch.check(sensed)
             outcome.missed += sensed.missed
             outcome.died += [(deadline - start, joint) for joint in sensed.died]
@@ -82,10 +82,10 @@ class Loop:
             late = self.clock.now() - deadline
             self.robot.send(goals)
             outcome.late.append(late)
+            outcome.seconds = deadline + late - start
             self.note(log.entry(deadline + late - start, late, phase, sensed, action, goals))
             passed = int(late / PERIOD)  # deadlines that are no longer to be kept
             outcome.skipped += passed
             deadline += passed * PERIOD
             self.walker.advance(1 + passed)
-        outcome.seconds = self.clock.now() - start
         return outcome

@@ -8,6 +8,7 @@ import select
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import serial
 from dynamixel_sdk import PortHandler
@@ -47,6 +48,7 @@ class Port(PortHandler):
 class SerialPort(Port):
     """A real adapter, or a pseudo-terminal."""
 
+    ser: Any  # pyserial's, once it is open
     _after = 0  # reads since the packet's time was over
 
     def openPort(self) -> bool:  # noqa: N802

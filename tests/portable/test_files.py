@@ -45,9 +45,7 @@ def test_a_text_is_for_people(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["npz", "json"])
 def test_what_is_no_such_file_is_one_sentence(suffix, tmp_path):
-    with pytest.raises(
-        ValueError, match=rf"none\.{suffix} does not exist: make policies with python -m srl_jax.export"
-    ):
+    with pytest.raises(ValueError, match=rf"none\.{suffix} does not exist: make policies with python -m srl_jax.export"):
         portable.load(tmp_path / f"none.{suffix}")
     for content in ("policy", "{}", "[]", "[{}]", '[{"about": {}, "weights": {}}]', '[{"weights": {"0/kernel": "x"}}]'):
         (tmp_path / f"text.{suffix}").write_text(content)

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from types import TracebackType
 from typing import Any
 
 
@@ -46,9 +45,7 @@ class Simulated:
     def __enter__(self) -> "Simulated":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._process.communicate()
 
     def _tell(self, order: str) -> None:

@@ -51,12 +51,12 @@ class Terminal:
         while True:
             self._turn()
             waiting = self._coming[0].due - time.monotonic() if self._coming else IMU_PERIOD / 2
-            sources = [self._ends[0][0]] * self._plugged + [orders] * (orders is not None)
+            sources = [self._ends[0][0]] * self._plugged + ([] if orders is None else [orders])
             ready, _, _ = select.select(sources, [], [], max(min(waiting, IMU_PERIOD / 2), 0.0))
             if self._plugged and self._ends[0][0] in ready:
                 self._hear()
-            if orders in ready:
-                news = os.read(orders, CHUNK)  # pyright: ignore[reportArgumentType]
+            if orders is not None and orders in ready:
+                news = os.read(orders, CHUNK)
                 if not news:
                     return
                 *whole, said = (said + news).split(b"\n")

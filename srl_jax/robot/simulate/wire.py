@@ -34,9 +34,9 @@ class Lockstep:
 class Wire(Port):
     """The port of a simulated line."""
 
-    def __init__(self, clock: Lockstep, faults: Faults = Faults(), latency: float = 0.001, seed: int = 0) -> None:
+    def __init__(self, clock: Lockstep, faults: Faults | None = None, latency: float = 0.001, seed: int = 0) -> None:
         super().__init__("the simulation", clock, ANSWER)
-        self.line = Line(clock.body.servos, faults, latency, seed)
+        self.line = Line(clock.body.servos, faults or Faults(), latency, seed)
         self.unplugged = False
         self._clock, self._coming = clock, deque[Answer]()
 
