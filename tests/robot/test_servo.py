@@ -71,5 +71,3 @@ def test_a_bad_calibration_is_one_sentence(text, message, tmp_path):
     (tmp_path / "own.json").write_text(text)
     with pytest.raises(ValueError, match=message):
         servo.load(str(tmp_path / "own.json"))
-
-
