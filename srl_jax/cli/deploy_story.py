@@ -111,7 +111,9 @@ def _tell(outcome: Outcome, robot: Hexapod, places: list[Any], simulated: "Simul
     if steps:
         far = ""
         if simulated and places:
-            far = f", {float(np.hypot(*np.subtract(simulated.report()['place'], places[0])[:2])):.2f} m"
+            report = simulated.report()
+            far = f", {float(np.hypot(*np.subtract(report['place'], places[0])[:2])):.2f} m"
+            print(f"The simulation was kept from running for {1e3 * report['stall']:.0f} ms at worst.")
         print(f"It walked {outcome.seconds:.1f} s{far}, {steps} steps.")
         print(
             f"Goals went out late by {1e3 * outcome.jitter(0.5):.2f} ms (p50), {1e3 * outcome.jitter(0.99):.2f} (p99), "

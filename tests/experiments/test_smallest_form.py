@@ -51,7 +51,7 @@ SHOWN = {  # a part of what is printed
     "posterior_quality": "ensemble × dropout 0.1",
     "recovery": "thought of first / policy",
     "render_robot": ".png",
-    "robot_bus": "300 refused",
+    "robot_bus": "refused, 0 packets sent",
     "robot_posterior": "all",
     "self_model": "2 damages, 2 seeds, truth in mjx",
     "shipped": "tibia_rf",

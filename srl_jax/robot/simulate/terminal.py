@@ -6,7 +6,6 @@ import json
 import os
 import pty
 import select
-import sys
 import time
 import tty
 
@@ -38,6 +37,7 @@ class Terminal:
         self.bus, self.imu = (os.ttyname(theirs) for _, theirs in self._ends)
         self._coming: list[Answer] = []
         self._plugged = True
+        self._turned, self._stall = time.monotonic(), 0.0  # s that it has not been let run, at worst
 
     def serve(self, orders: int | None = None) -> None:
         """Answers until it is interrupted.
@@ -45,7 +45,7 @@ class Terminal:
         Args:
             orders: a file descriptor; lines on it are obeyed, and it serves until their end. ``strike``: the damage
                 strikes. ``unplug``: the bus hangs up. ``report``: a line of JSON on the standard output says where the
-                robot is and what it does.
+                robot is and what it does, and for how long the machine has not let it run at worst since the last.
         """
         said = b""
         while True:
@@ -70,6 +70,7 @@ class Terminal:
 
     def _turn(self) -> None:
         now = time.monotonic()
+        self._stall, self._turned = max(self._stall, now - self._turned), now
         while self._coming and self._coming[0].due <= now:
             self._say(0, heapq.heappop(self._coming).data)
         if now >= self._strike:
@@ -98,5 +99,6 @@ class Terminal:
             for end in self._ends[0]:
                 os.close(end)
         elif order == "report":
-            sys.stdout.write(json.dumps(self.body.report() | {"heard": self.line.heard}) + "\n")
-            sys.stdout.flush()
+            found = self.body.report() | {"heard": self.line.heard, "stall": self._stall}
+            print(json.dumps(found), flush=True)
+            self._stall = 0.0
