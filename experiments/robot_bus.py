@@ -188,12 +188,11 @@ class Babbling(Wire):
     def writePort(self, packet: list[int]) -> int:  # noqa: N802
         """Sends bytes, which nobody hears; noise comes back."""
         self.sent += 1
-        good = bytearray([0xFF, 0xFF, packet[2], 10, 0, *self.random.integers(0, 256, 8), 0])
+        good = bytearray([0xFF, 0xFF, packet[2], 10, 0, *self.random.bytes(8), 0])
         good[-1] = ~sum(good[2:-1]) & 0xFF
-        place = self.random.integers(len(good))
-        kind = self.random.integers(4)
-        noise = self.random.bytes(self.random.integers(30))
-        good[place] = self.random.integers(256)
+        place, kind = int(self.random.integers(len(good))), int(self.random.integers(4))
+        noise = self.random.bytes(int(self.random.integers(30)))
+        good[place] = int(self.random.integers(256))
         self._noise = (noise, bytes(good[:place]), bytes(good), noise + bytes(good))[kind]
         return len(packet)
 

@@ -77,22 +77,18 @@ def _repertoire(arguments: Arguments) -> dict[str, Policy]:
         raise ValueError(
             "policy is 'tripod', a script that needs jax: give atlas, or a file of python -m srl_jax.export."
         )
-    chosen = checked(play.chosen(play.Arguments(policy=name, task=_task(name), algo=arguments.algo), first))
-    found = {first: chosen}
-    if not arguments.switch:
-        return found
     if name in play.SHIPPED:
-        names = [own for own in pretrained.names() if (own.name, own.task) == (name, TASK)]
-        return found | {own.damage: pretrained.load(*own[:1], task=own.task, damage=own.damage) for own in names}
-    for policy in play.policies(name):
-        if all(policy.about[key] == chosen.about[key] for key in ("task", "kind", "algo")):
+        chosen = checked(pretrained.load(name, task=TASK, damage=first))
+        there = [own.damage for own in pretrained.names() if (own.name, own.task) == (name, TASK)]
+        others = [pretrained.load(name, task=TASK, damage=damage) for damage in there]
+    else:
+        others = play.policies(name)
+        tasks = [policy.about.get("task") for policy in others]
+        # Where all are for another task, `checked` says so in a sentence about robots.
+        task = TASK if TASK in tasks else str(tasks[0])
+        chosen = checked(play.one(others, Path(name), task, first, arguments.algo))
+    found = {first: chosen}
+    for policy in others if arguments.switch else []:
+        if all(policy.about.get(key) == chosen.about.get(key) for key in ("task", "kind", "algo")):
             found.setdefault(policy.about["damage"], policy)
     return found
-
-
-def _task(name: str) -> str:
-    """The task of what is asked for; where it is another than ours, `checked` says so in a sentence about robots."""
-    if name in play.SHIPPED:
-        return TASK
-    tasks = [policy.about.get("task") for policy in play.policies(name)]
-    return TASK if TASK in tasks else str(tasks[0])

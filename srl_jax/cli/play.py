@@ -90,7 +90,7 @@ def chosen(arguments: Arguments, damage: str) -> Policy:
     name, task = arguments.policy, arguments.task
     if name in SHIPPED:
         return pretrained.load(name, task=task, damage=damage)
-    return _one(policies(name), Path(name), task, damage, arguments.algo)
+    return one(policies(name), Path(name), task, damage, arguments.algo)
 
 
 def policies(name: str) -> list[Policy]:
@@ -113,7 +113,12 @@ def policies(name: str) -> list[Policy]:
     )
 
 
-def _one(found: list[Policy], source: Path, task: str, damage: str, algo: str) -> Policy:
+def one(found: list[Policy], source: Path, task: str, damage: str, algo: str) -> Policy:
+    """That for a task, a damage and an algorithm; of several algorithms srl where none is named.
+
+    Raises:
+        ValueError: there is none.
+    """
     tasks = dict.fromkeys(str(policy.about.get("task")) for policy in found)
     if task not in tasks:
         raise ValueError(f"task is {task}: {source} was trained for {', '.join(tasks)}.")

@@ -29,8 +29,7 @@ class Guard:
             ValueError: it cannot open the port.
         """
         command = [sys.executable, "-m", "srl_jax.robot.guard", port]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        self._process = subprocess.Popen(command, start_new_session=True, **pipes)
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         assert self._process.stdout is not None
         if self._process.stdout.read(1) != WELL:
             raise ValueError(f"port is {port}: the guard that would take the torque off cannot open it.")

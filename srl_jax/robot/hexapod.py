@@ -14,6 +14,7 @@ from srl_jax.robot.servo import STANDING, Calibration, Servos
 from srl_jax.robot.table import named
 
 PERIOD = 1.0 / CONTROL_HZ
+TRIES = 5  # without an answer, beside that, for a line that is busy now and then may hit the same servo thrice
 MISSED = 3  # rounds without an answer until a joint counts as lost; from the one before it is asked three times
 SILENT = 2  # rounds without any answer until the bus does
 ENOUGH = 4  # servos, not doubted before, whose common silence is the bus's
@@ -50,7 +51,7 @@ class Hexapod:
         self.bus, self.imu, self.calibration, self.servos = bus, imu, calibration, servos
         self.alive = np.ones(18, bool)
         self.sent = np.full(18, -1)  # i[18] last goal positions
-        self._missed = np.zeros(18, int)
+        self._missed, self._tries = np.zeros(18, int), np.zeros(18, int)  # rounds and questions without an answer
         self._silent = 0
         self._last: list[Reading | None] = [None] * 18
 
@@ -95,10 +96,12 @@ class Hexapod:
         died = []
         for joint in here:
             if ids[joint] in found:
-                self._last[joint], self._missed[joint] = found[ids[joint]], 0
+                self._last[joint] = found[ids[joint]]
+                self._missed[joint] = self._tries[joint] = 0
             elif ids[joint] in asked and 2 * len(found) >= len(asked):  # else it is the bus
                 self._missed[joint] += 1
-                if self._missed[joint] >= MISSED:
+                self._tries[joint] += asked[ids[joint]]
+                if self._missed[joint] >= MISSED and self._tries[joint] >= TRIES:
                     self.alive[joint] = False
                     died.append(JOINTS[joint])
         if self.imu is not None:

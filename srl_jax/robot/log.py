@@ -88,7 +88,7 @@ def replay(steps: list[Entry], policy: Policy, calibration: Calibration) -> Iter
         senses = Senses(
             *(single(step.joints), single(step.speeds), np.array(step.answering)),
             *(single(step.gyroscope), single(step.gravity), single(step.towards)),
-            *(np.float32(2.0), np.float32(np.nan)),
+            *(single(2.0), single(np.nan)),
         )
         _, action = walker.act(senses)
         wanted = STANDING + walker.offsets(action)
