@@ -118,10 +118,14 @@ class Body:
 
     def _joint(self, joint: int) -> tuple[float, float, float]:
         data = self.data
-        return float(data.qpos[7 + joint]), float(data.qvel[6 + joint]), float(data.actuator_force[joint]) / STALL
+        return float(data.qpos[7 + joint]), float(data.qvel[6 + joint]), float(self._torques()[joint])
+
+    def _torques(self) -> np.ndarray:
+        """f64[18] what motors give, as shares of their stall torque: on their torque-speed line, which is damping."""
+        return (self.data.actuator_force - self._model.dof_damping[6:] * self.data.qvel[6:]) / STALL
 
     def _warm(self, seconds: float) -> None:
-        torques = np.abs(self.data.actuator_force) / STALL
+        torques = np.minimum(np.abs(self._torques()), 1.0)
         everyone = float(torques.mean())
         for number, torque in zip(IDS, torques.tolist(), strict=True):
             self.servos[number].warm(torque, everyone, seconds)
