@@ -10,14 +10,14 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (  # highest first; rooms of one line do not know each other
-    ("run", "repertoire", "recover", "export", "play", "__main__"),
+    ("run", "repertoire", "recover", "export", "play", "deploy", "__main__"),
     ("cli",),
     ("sweep",),
     ("job",),
     ("config",),
     ("demo",),
     ("pretrained", "show"),
-    ("report", "atlas"),
+    ("report", "atlas", "robot"),
     ("evaluate",),
     ("program",),
     ("ite",),
@@ -31,6 +31,9 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
     *("atlas.__main__", "cli.atlas", "cli.recover", "demo.__main__", "cli.demo", "portable", "arrays"),
     *("report.__main__", "cli.report", "job.command"),
     *("export", "play", "cli.export", "cli.play", "portable.graph", "pretrained", "atlas.stored", "env.interface"),
+    *("deploy", "cli.deploy", "cli.deploy_story", "cli.deploy_options", "cli.simulate", "env.senses"),
+    *("robot.outing", "robot.log", "robot.guard", "robot.dry", "robot.simulate.terminal", "robot.simulate.wire"),
+    *("robot.simulate.child", "robot.simulate.__main__"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

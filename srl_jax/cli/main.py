@@ -17,6 +17,7 @@ VERBS = {
     "report": ("the page of a run made anew, or of several runs side by side", "srl_jax.cli.report:main"),
     "export": ("policies of a run or an atlas to take home: .npz, .json, .onnx", "srl_jax.cli.export:main"),
     "play": ("one policy on a robot that is damaged in mid-stride, as a video or live", "srl_jax.cli.play:main"),
+    "deploy": ("one policy on the robot itself, or on a simulated bus", "srl_jax.cli.deploy:main"),
     "sweep": ("many lanes as packs, on one machine, a Slurm cluster or Ray", "srl_jax.cli.sweep:main"),
 }  # name: (what it does, the function that is given its arguments)
 

@@ -90,27 +90,39 @@ def chosen(arguments: Arguments, damage: str) -> Policy:
     name, task = arguments.policy, arguments.task
     if name in SHIPPED:
         return pretrained.load(name, task=task, damage=damage)
+    return one(policies(name), Path(name), task, damage, arguments.algo)
+
+
+def policies(name: str) -> list[Policy]:
+    """All in the directory of a finished run, or in a file.
+
+    Raises:
+        ValueError: there is none of that name, or it holds no policies.
+    """
     source = Path(name)
     if source.is_dir():
         quiet()
         from srl_jax.job import export
 
-        policies = export.from_run(source)
-    elif source.suffix in (".npz", ".json"):
-        policies = portable.load(source)
-    else:
-        raise ValueError(
-            f"policy is {name!r}: give {', '.join((TRIPOD, *SHIPPED))}, the directory of a finished run, or a file of "
-            "python -m srl_jax.export that ends in .npz or .json."
-        )
-    return _one(policies, source, task, damage, arguments.algo)
+        return export.from_run(source)
+    if source.suffix in (".npz", ".json"):
+        return portable.load(source)
+    raise ValueError(
+        f"policy is {name!r}: give {', '.join((TRIPOD, *SHIPPED))}, the directory of a finished run, or a file of "
+        "python -m srl_jax.export that ends in .npz or .json."
+    )
 
 
-def _one(policies: list[Policy], source: Path, task: str, damage: str, algo: str) -> Policy:
-    tasks = dict.fromkeys(str(policy.about.get("task")) for policy in policies)
+def one(found: list[Policy], source: Path, task: str, damage: str, algo: str) -> Policy:
+    """That for a task, a damage and an algorithm; of several algorithms srl where none is named.
+
+    Raises:
+        ValueError: there is none.
+    """
+    tasks = dict.fromkeys(str(policy.about.get("task")) for policy in found)
     if task not in tasks:
         raise ValueError(f"task is {task}: {source} was trained for {', '.join(tasks)}.")
-    own = portable.pick([policy for policy in policies if policy.about["task"] == task], (damage,), str(source))
+    own = portable.pick([policy for policy in found if policy.about["task"] == task], (damage,), str(source))
     algos: dict[str, Policy] = {}
     for policy in own:
         algos.setdefault(policy.about["algo"], policy)

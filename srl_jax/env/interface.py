@@ -8,6 +8,8 @@ CONTROL_HZ = 20.0
 SUBSTEPS = 3  # of 1/60 s
 ACTION_SIZE = len(JOINTS)
 ACTION_SCALE = (0.6, 0.7, 0.7)  # rad of coxa, femur, tibia about the stance at action 1
+STANCE = (0.0, 0.3403, -1.5621)  # rad of coxa, femur, tibia: the keyframe of the robot's description
+RANGE = (75.0, 100.0, 150.0)  # degrees to either side of coxa, femur, tibia's zero, as there
 
 
 def layout(task: str, kind: str, history: int = 0) -> list[tuple[str, int]]:

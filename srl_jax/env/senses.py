@@ -1,12 +1,15 @@
-"""What a real robot feels, and the observation that a policy is given of it."""
+"""What a real robot feels, and the observation that a policy is given of it. Imports jax only where it is used."""
 
-from typing import NamedTuple
+from functools import cache
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from srl_jax.env.anatomy import JOINTS
+
+if TYPE_CHECKING:
+    import jax
 
 SIZE = len(JOINTS) + 6  # of what is felt
 ANGLES, GYROSCOPE, GRAVITY = slice(0, len(JOINTS)), slice(len(JOINTS), len(JOINTS) + 3), slice(len(JOINTS) + 3, SIZE)
@@ -17,7 +20,7 @@ NOISE = {"joints": 0.02, "speeds": 0.1, "gyroscope": 0.05, "gravity": 0.02}
 FELT_NOISE = np.repeat(
     np.array([NOISE[x] for x in ("joints", "gyroscope", "gravity")], np.float32), (len(JOINTS), 3, 3)
 )
-Array = jax.Array | np.ndarray
+Array: TypeAlias = "jax.Array | np.ndarray"
 
 
 class Senses(NamedTuple):
@@ -40,20 +43,28 @@ class Beyond(NamedTuple):
     height: Array  # f32[] m
 
 
-def felt(senses: Senses) -> jax.Array:
+@cache
+def _jax_numpy() -> ModuleType:
+    import jax.numpy
+
+    return jax.numpy
+
+
+def felt(senses: Senses) -> "jax.Array":
     """What a model of the robot must explain, f32[..., 24]: joint angles, gyroscope, gravity."""
-    return jnp.concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
+    return _jax_numpy().concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
 def observation(
     senses: Senses,
-    phase: jax.Array,
+    phase: "Array | np.floating",
     *,
     task: str,
     kind: str,
     beyond: Beyond | None = None,
-    history: jax.Array | None = None,
-) -> jax.Array:
+    history: "Array | None" = None,
+    xp: ModuleType | None = None,
+) -> "jax.Array":
     """The observation f32[O], components of order one; `interface.layout` names its parts.
 
     First what a scripted gait needs, at fixed places: clock (sin, cos), the task's direction in the body's plane (2),
@@ -66,28 +77,30 @@ def observation(
         kind: onboard, rates or full.
         beyond: for `full`.
         history: f32[K, R + 18], see `env.history`.
+        xp: NumPy, where there is no jax, and its arrays are returned; None: jax.numpy.
 
     Raises:
         ValueError: `full`, and nobody says what no sensor tells.
     """
-    angle = 2.0 * jnp.pi * phase
-    parts: list[Array] = [jnp.stack([jnp.sin(angle), jnp.cos(angle)]), senses.towards]
+    xp = xp or _jax_numpy()
+    angle = 2.0 * xp.pi * phase
+    parts: list[Array] = [xp.stack([xp.sin(angle), xp.cos(angle)]), senses.towards]
     if task == "p2p":
-        parts.append(jnp.minimum(senses.distance, 2.0)[None])
+        parts.append(xp.minimum(senses.distance, 2.0)[None])
     parts += _reading(senses, kind, beyond)
     if history is not None:
         parts.append(history.reshape(-1))
-    return jnp.concatenate(parts)
+    return xp.concatenate(parts)
 
 
-def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None) -> jax.Array:
+def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None) -> "jax.Array":
     """What of the observation is sensed of the body, f32[R].
 
     Gravity in the body frame (3) and joint angles about the stance (18). `rates` adds the gyroscope (3) and joint
     velocities (18); `full` base velocity (3, before them) and height (1, last) too. Arguments and errors as
     `observation`.
     """
-    return jnp.concatenate(_reading(senses, kind, beyond))
+    return _jax_numpy().concatenate(_reading(senses, kind, beyond))
 
 
 def _reading(senses: Senses, kind: str, beyond: Beyond | None) -> list[Array]:
