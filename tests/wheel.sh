@@ -9,6 +9,7 @@ place=$(mktemp -d)
 trap 'rm -rf "$place"' EXIT
 cd "$place"
 unset PYTHONPATH
+export XLA_FLAGS=--xla_backend_optimization_level=0  # a run of seconds is mostly compiling
 
 "$python" -m venv empty
 empty/bin/python -m pip install --quiet --disable-pip-version-check --constraint "$constraints" "$wheel"
