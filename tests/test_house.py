@@ -43,7 +43,7 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
         "sweep.cache",
     ),
     *("sweep.task", "sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
-    *("job.plan", "job.files", "program.settings", "program.lanes"),
+    *("job.plan", "job.files", "job.logs", "cli.left", "cli.doctor", "program.settings", "program.lanes"),
     *("agents.sweep", "agents.settings", "agents.rivals", "agents.registry"),
     *("env.settings", "env.anatomy", "env.damage_names", "standard", "standard.settings"),
 )

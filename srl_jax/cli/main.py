@@ -18,6 +18,10 @@ VERBS = {
     "export": ("policies of a run or an atlas to take home: .npz, .json, .onnx", "srl_jax.cli.export:main"),
     "play": ("one policy on a robot that is damaged in mid-stride, as a video or live", "srl_jax.cli.play:main"),
     "sweep": ("many lanes as packs, on one machine, a Slurm cluster or Ray", "srl_jax.cli.sweep:main"),
+    "doctor": (
+        "what this machine has, how fast it is, how long a run takes, what to change",
+        "srl_jax.cli.doctor:main",
+    ),
 }  # name: (what it does, the function that is given its arguments)
 
 
