@@ -31,7 +31,7 @@ def train(steps: int = 3_000, seed: int = 0) -> tuple[srl.AgentState, list[float
     act, update = jax.jit(partial(srl.act, **settings)), jax.jit(partial(srl.update, **settings))
     state = srl.init(key, size, actions, config=CONFIG)
     observation, acting = None, ActState(jnp.zeros(actions), controller.init())
-    memory: list[Transition] = []
+    memory: list[tuple[Any, ...]] = []  # in the order of `Transition`
     returns: list[float] = []
     for step in range(steps):
         act_key, update_key, start_key = jax.random.split(jax.random.fold_in(key, step), 3)
@@ -43,13 +43,11 @@ def train(steps: int = 3_000, seed: int = 0) -> tuple[srl.AgentState, list[float
         action = np.asarray(action)
         reached, reward, terminated, truncated, _ = env.step(SCALE * action)
         chosen, lot = np.float32(acting.guidance.choice), np.float32(random.integers(2**24))
-        memory.append(
-            Transition(observation, action, np.float32(reward), np.float32(not terminated), reached, chosen, lot)
-        )
+        memory.append((observation, action, np.float32(reward), np.float32(not terminated), reached, chosen, lot))
         returns[-1] += float(reward)
         observation = None if terminated or truncated else reached
         drawn = [memory[place] for place in random.integers(len(memory), size=CONFIG.batch)]
-        batch = Transition(*(np.stack(rows) for rows in zip(*drawn, strict=True)))
+        batch = Transition(*(jnp.asarray(np.stack(rows)) for rows in zip(*drawn, strict=True)))
         state, _ = update(state, batch, update_key, step=step)
     return state, returns
 

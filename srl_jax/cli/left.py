@@ -35,7 +35,8 @@ class Left:
             self._mark = status.step, now
         if self._mark is not None and status.step > self._mark[0] and now - self._mark[1] >= SEEN:
             return (now - self._mark[1]) / (status.step - self._mark[0]) * (status.steps - status.step)
-        return None if self._whole is None else max(self._whole - (now - self._began), 0.0)
+        left = None if self._whole is None else self._whole - (now - self._began)
+        return left if left is not None and left > 0.0 else None  # arithmetic that was wrong says no more
 
 
 def said(seconds: float | None) -> str:

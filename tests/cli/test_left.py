@@ -37,8 +37,10 @@ def test_without_arithmetic_nothing_is_said_at_first_and_a_run_inside_a_run_has_
     now[0] = 40.0
     assert left.seconds(status("training", 4_000, "run/behaviour")) == pytest.approx(60.0)
     assert left.seconds(status("training", 0)) is None
-    now[0] = 30.0
-    assert Left(20.0, clock=lambda: now[0]).seconds(status("preparing", 0)) == 20.0
+    late = Left(20.0, clock=lambda: now[0])
+    assert late.seconds(status("preparing", 0)) == 20.0
+    now[0] += 30.0
+    assert late.seconds(status("preparing", 0)) is None, "it was wrong, and is not believed any longer"
     assert said(None) == ""
 
 
