@@ -63,7 +63,7 @@ SHOWN = {  # a part of what is printed
 }
 SLOW = {
     *("cross_check", "estimator", "healthy_value", "peers", "physics_error"),
-    *("robot_posterior", "self_model", "throughput", "tune_gait"),
+    *("plain_loop", "robot_posterior", "self_model", "teaching", "throughput", "tune_gait"),
 }
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
 # On runs that are finished: see the tests of their names.
