@@ -165,11 +165,11 @@ def check(config: Config) -> None:
 
 def check_numbers(config: Config) -> None:
     """Raises ValueError for numbers of the run that do not fit each other."""
-    train, env = config.train, config.env
+    train = config.train
+    config.env.check()
     positive = {
         "train.environments": train.environments,
         "steps": config.steps,
-        "env.episode_steps": env.episode_steps,
         "evaluation.episodes": config.evaluation.episodes,
         "train.evaluate_every": train.evaluate_every,
         "train.update_every": train.update_every,
@@ -190,15 +190,6 @@ def check_numbers(config: Config) -> None:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
         raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
-    if env.history < 0:
-        raise ValueError(f"env.history is {env.history}: it must not be negative.")
-    if not 0.0 <= env.stride_starts <= 1.0:
-        raise ValueError(f"env.stride_starts is {env.stride_starts}: it must lie between 0 and 1.")
-    low, high = env.goal_ring
-    if not env.goal_radius < low <= high:
-        raise ValueError(
-            f"env.goal_ring is {env.goal_ring}: it must rise and lie beyond env.goal_radius={env.goal_radius}."
-        )
 
 
 def check_algorithm(algo: str, config: Config) -> None:

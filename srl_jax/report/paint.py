@@ -9,7 +9,7 @@ import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, Literal
 
@@ -80,13 +80,13 @@ def visible_model(damage_name: str) -> mujoco.MjModel:
 
 def paint(
     model: mujoco.MjModel,
-    poses: np.ndarray,
+    poses: Iterable[np.ndarray],
     marker: raycast.Goal | None,
     *,
     painter: Painter = "auto",
     size: tuple[int, int] = SIZE,
 ) -> Iterator[np.ndarray]:
-    """Pictures u8[height, width, 3] of f[F, 25] poses, seen by the camera ``track``.
+    """Pictures u8[height, width, 3] of f[F, 25] poses, each when it is asked for, seen by the camera ``track``.
 
     Raises:
         RuntimeError: for the painter ``gl`` where no OpenGL backend works.
@@ -115,6 +115,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
         camera, option, data = mujoco.MjvCamera(), mujoco.MjvOption(), mujoco.MjData(model)
         camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera("track").id
         for pose in poses:
+            context.make_current()  # again: others may have painted meanwhile
             data.qpos[:] = pose
             model.light_pos[0] = [*pose[:2], 0.0] - model.light_dir[0]  # shadows are cast only about the light's axis
             mujoco.mj_forward(model, data)
@@ -126,6 +127,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
             mujoco.mjr_readPixels(picture, None, area, canvas)
             yield picture[::-1]
     finally:
+        context.make_current()
         canvas.free()
         context.free()
 
