@@ -4,6 +4,7 @@ Both call the same `hexapod` functions for start, observation, reward and ends; 
 control steps differs.
 """
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -128,6 +129,7 @@ def rollout_c(
         ValueError: for a bad damage name, ``steps`` below 1, or a time step that does not divide 1/20 s.
     """
     _check_steps(steps)
+    robot = robot._replace(config=dataclasses.replace(robot.config, randomise="none"))
     damage = damages.build(damage_name)
     model = damages.damaged_model(damage_name) if model is None else model
     substeps = _substeps(model)

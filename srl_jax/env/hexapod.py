@@ -9,6 +9,7 @@ from srl_jax.env import damage as damages
 from srl_jax.env import history as histories
 from srl_jax.env import physics, senses
 from srl_jax.env import task as tasks
+from srl_jax.env import variation as variations
 from srl_jax.env.damage import Damage
 from srl_jax.env.interface import ACTION_SCALE, ACTION_SIZE, CONTROL_HZ, SUBSTEPS, reading_size
 from srl_jax.env.model import load_model, mjx, put_model, stance
@@ -16,7 +17,9 @@ from srl_jax.env.senses import Senses
 from srl_jax.env.settings import TASKS, EnvConfig
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.stepper import State
+from srl_jax.env.variation import Variation
 
+VARIED = 1  # of a key at reset: how the robot differs from the model
 UPRIGHT = 0.3  # cosine of the tilt below which the robot has tipped over
 
 
@@ -42,6 +45,7 @@ class EnvState(NamedTuple):
     steps: jax.Array  # i32[] control steps since reset
     goal: jax.Array  # f32[2] m, p2p only
     history: jax.Array | None = None  # f32[K, R + 18] of the last control steps, where the observation tells of them
+    variation: Variation | None = None  # how this robot differs from the model, where robots do
 
 
 class EnvStep(NamedTuple):
@@ -84,8 +88,14 @@ def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax
         steps=jnp.zeros((), jnp.int32),
         goal=tasks.sample_goal(robot.task, robot.config, goal_key),
         history=histories.none(robot.config.history, robot.config.observation),
+        variation=_drawn(robot, key),
     )
     return state, observe(robot, damage, state)
+
+
+def _drawn(robot: Hexapod, key: jax.Array) -> Variation | None:
+    ranges = variations.RANGES.get(robot.config.randomise)
+    return variations.draw(ranges, robot.stance[7:], jax.random.fold_in(key, VARIED)) if ranges else None
 
 
 def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
@@ -95,8 +105,9 @@ def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
 
 def simulate(robot: Hexapod, damage: Damage, state: EnvState, control: jax.Array) -> EnvState:
     """One control period of physics under constant position targets f32[18]; clock and counters are left alone."""
-    start = State(state.qpos, state.qvel, state.warmstart)
-    end = physics.simulate(robot.star, robot.model, robot.data, damage, start, control, SUBSTEPS)
+    start, own = State(state.qpos, state.qvel, state.warmstart), state.variation
+    damage, ground = (variations.body(damage, own), own.ground) if own else (damage, None)
+    end = physics.simulate(robot.star, robot.model, robot.data, damage, start, control, SUBSTEPS, ground)
     return state._replace(qpos=end.qpos, qvel=end.qvel, warmstart=end.warmstart)
 
 
@@ -112,7 +123,12 @@ def step(robot: Hexapod, damage: Damage, state: EnvState, action: jax.Array) -> 
     Returns:
         The reached state and what it earned.
     """
-    after = simulate(robot, damage, state, targets(robot, action))
+    control, begun = targets(robot, action), state
+    if state.variation:
+        own = variations.sent(state.variation, state.steps, control)
+        qvel = state.qvel.at[:3].set(variations.pushed(own, state.steps, state.qvel[:3]))
+        control, begun = own.held, state._replace(qvel=qvel, variation=own)
+    after = simulate(robot, damage, begun, control)
     return advance(robot, damage, state, after, action)
 
 
@@ -157,7 +173,7 @@ def rotation(quaternion: jax.Array) -> jax.Array:
 
 
 def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
-    """What the robot's sensors say, without noise.
+    """What is there to be sensed, without noise.
 
     Encoders of removed links are silent and read 0, whatever the simulation's ghosts do.
     """
@@ -172,7 +188,7 @@ def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
         speeds=jnp.where(present, state.qvel[6:], 0.0),
         answering=present,
         gyroscope=state.qvel[3:6],
-        gravity=-frame[2],
+        gravity=state.variation.ground.down @ frame if state.variation else -frame[2],
         towards=jnp.stack([ahead, left]),
         distance=-tasks.distance("p2p", position, state.goal),
         come=tasks.distance(robot.task, position, state.goal),
@@ -183,7 +199,7 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """The observation f32[O], see `senses.observation`."""
     velocity = _velocity(state)
     return senses.observation(
-        feel(robot, damage, state),
+        _told(robot, damage, state),
         state.phase,
         task=robot.task,
         kind=robot.config.observation,
@@ -195,7 +211,13 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
 def sensed(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """What of the observation is sensed of the body, f32[R], see `senses.reading`."""
     beyond = senses.Beyond(_velocity(state), state.qpos[2])
-    return senses.reading(feel(robot, damage, state), kind=robot.config.observation, beyond=beyond)
+    return senses.reading(_told(robot, damage, state), kind=robot.config.observation, beyond=beyond)
+
+
+def _told(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
+    """What the robot's sensors say of it."""
+    felt = feel(robot, damage, state)
+    return variations.read(state.variation, state.steps, felt) if state.variation else felt
 
 
 def _velocity(state: EnvState) -> jax.Array:
@@ -211,4 +233,5 @@ def observation_size(task: str, config: EnvConfig) -> int:
 
 def state_size(config: EnvConfig) -> int:
     """Numbers of an `EnvState`."""
-    return 25 + 24 + 24 + 1 + 1 + 2 + config.history * histories.row_size(config.observation)
+    varied = variations.size(ACTION_SIZE) if config.randomise != "none" else 0
+    return 25 + 24 + 24 + 1 + 1 + 2 + config.history * histories.row_size(config.observation) + varied

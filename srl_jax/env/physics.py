@@ -11,6 +11,7 @@ from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model
 from srl_jax.env.model import step as mjx_step
 from srl_jax.env.star import batching
+from srl_jax.env.star.body import Ground
 from srl_jax.env.star.constants import Star, read
 from srl_jax.env.star.refusals import NotAStarError
 from srl_jax.env.star.stepper import State
@@ -85,7 +86,14 @@ def time_step(star: Star | None, model: mjx.Model, robots: int = TRIAL, repeats:
 
 
 def simulate(
-    star: Star | None, model: mjx.Model, data: mjx.Data, damage: Damage, state: State, control: jax.Array, count: int
+    star: Star | None,
+    model: mjx.Model,
+    data: mjx.Data,
+    damage: Damage,
+    state: State,
+    control: jax.Array,
+    count: int,
+    ground: Ground | None = None,
 ) -> State:
     """`count` physics steps of one robot under constant position targets f32[nu] (rad); made for `vmap`.
 
@@ -97,15 +105,25 @@ def simulate(
         state: before the steps.
         control: the targets.
         count: steps.
+        ground: that it stands on, where it is not the model's.
     """
     if star is not None:
-        return batching.simulate(star, damage, control, state, count)
-    return simulate_mjx(model, data, damage, state, control, count)
+        return batching.simulate(star, damage, control, state, count, ground)
+    return simulate_mjx(_on(model, ground), data, damage, state, control, count)
 
 
 def together(star: Star | None, wanted: int) -> int:
     """Robots to step at once on a CPU: `wanted` by MJX, all (0) by the star stepper, which makes its own blocks."""
     return wanted if star is None else 0
+
+
+def _on(model: mjx.Model, ground: Ground | None) -> mjx.Model:
+    """The model on another floor: of two geoms that touch the larger friction holds, so it is the share of both."""
+    if ground is None:
+        return model
+    gravity = jnp.linalg.norm(model.opt.gravity) * ground.down
+    friction = model.geom_friction.at[:, 0].multiply(ground.friction)
+    return model.replace(geom_friction=friction, opt=model.opt.replace(gravity=gravity))
 
 
 def simulate_mjx(

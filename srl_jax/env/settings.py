@@ -23,6 +23,9 @@ class EnvConfig:
     history: int = 0
     """Control steps that the observation also tells of: what was sensed and done in them, oldest first; zeros before
     the robot was there."""
+    randomise: Literal["none", "mild", "wide"] = "none"
+    """How much robots differ from the model, drawn anew at every reset: masses, floor, servos, latency, sensors, lost
+    packets, pushes, slope."""
     goal_ring: tuple[float, float] = (1.5, 1.9)
     """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15

@@ -75,5 +75,7 @@ def begin(robot: Hexapod, starts: EnvState, fresh: EnvState, key: jax.Array) -> 
     """`fresh`, or with the chance of `stride_starts` one of its row's `starts` with the goal of `fresh`."""
     index = jax.random.randint(jax.random.fold_in(key, PICK), (), 0, COUNT)
     taken = jax.random.bernoulli(jax.random.fold_in(key, TAKE), robot.config.stride_starts)
-    walking = jax.tree.map(lambda leaf: leaf[index], starts)._replace(steps=fresh.steps, goal=fresh.goal)
+    walking = jax.tree.map(lambda leaf: leaf[index], starts)._replace(
+        steps=fresh.steps, goal=fresh.goal, variation=fresh.variation
+    )
     return jax.tree.map(lambda old, new: jnp.where(taken, new, old), fresh, walking)
