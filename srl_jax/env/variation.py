@@ -1,7 +1,7 @@
 """How one robot differs from the model: drawn at every reset, as values, so that no other program is compiled.
 
 A policy that is to walk on a real robot must not rely on what a simulation has right by chance. Floor, masses and
-servos differ from robot to robot; actions come late or not at all, encoders have steps, inertial units noise and a bias;
+servos differ from robot to robot; actions come late or not at all, encoders have steps, inertial units noise and bias;
 and somebody pushes. Senses and packets of a control step are drawn from the robot's seed and the number of the step, so
 that whoever asks twice is told the same.
 """

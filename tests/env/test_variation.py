@@ -78,9 +78,9 @@ def test_senses_are_as_bad_as_drawn_and_the_same_to_whoever_asks():
     each = jax.vmap(lambda step: variations.read(own, step, true))(jnp.arange(2000))
     heard = np.asarray(each.answering)
     assert 0.88 < heard.mean() < 0.92 and (np.asarray(each.joints)[~heard] == 0.0).all()
-    off = np.asarray(each.joints - true.joints)[heard]
+    off = (np.asarray(each.joints) - np.asarray(true.joints))[heard]
     assert abs(off.std() - NOISE["joints"]) < 0.002 and abs(off.mean()) < 0.003
-    gyroscope = np.asarray(each.gyroscope - true.gyroscope)
+    gyroscope = np.asarray(each.gyroscope) - np.asarray(true.gyroscope)
     np.testing.assert_allclose(gyroscope.mean(axis=0), [0.5, 0.0, 0.0], atol=0.01)
     again = variations.read(own, jnp.int32(7), true)
     np.testing.assert_array_equal(again.joints, each.joints[7])
