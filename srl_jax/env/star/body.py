@@ -32,7 +32,7 @@ class Body(NamedTuple):
     gain: Array  # f[K, L] N m/rad
     bias: Array  # f[K, 3, L] N m, N m/rad, N m s/rad
     torque: Array  # f[K, 2, L] N m, least and most
-    friction: Array | None = None  # f[] of sliding; None: `Star.friction`
+    friction: Array | float | None = None  # f[] of sliding; None: `Star.friction`
     gravity: Array | None = None  # f[3] m/s^2 in the world; None: `Star.gravity`, downwards
 
 
