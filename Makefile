@@ -1,6 +1,6 @@
 # `make` alone only prints this help. Everything is installed into .venv, at the versions of constraints.txt.
 .DEFAULT_GOAL := help
-.PHONY: help install run test test-all lint demo-template clean
+.PHONY: help install run test test-all lint docs dist demo-template clean
 .DELETE_ON_ERROR:
 
 VENV := .venv
@@ -29,6 +29,14 @@ lint: $(VENV)/.installed-dev  ## check style, format and types; changes nothing
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 
+docs: $(VENV)/.installed-dev  ## build the documentation's site into build/site; a link that leads nowhere fails
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
+dist: $(VENV)/.installed-dev  ## build sdist and wheel, and try the wheel in an empty environment outside the checkout
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist . >/dev/null
+	PYTHON=$(BIN)/python tests/wheel.sh dist/*.whl
+
 demo-template:  ## build the page that the demo fills anew, from web/ (needs Node.js and npm)
 	cd web && npm install --no-audit --no-fund --no-package-lock && npm run build
 
@@ -44,7 +52,7 @@ $(VENV)/.installed: $(INPUTS) | $(BIN)/python
 # The dev set contains the plain one, so it brings both stamps up to date.
 $(VENV)/.installed-dev: $(INPUTS) | $(BIN)/python
 	@echo 'Installing into $(VENV), with the test tools: about a minute and a half.'
-	@$(PIP_INSTALL) '.[dev,web]'
+	@$(PIP_INSTALL) '.[dev,dist,docs,web]'
 	@touch $(VENV)/.installed $@
 
 $(BIN)/python:

@@ -66,8 +66,10 @@ def coverage(draws: ArrayLike, truths: ArrayLike, levels: ArrayLike = LEVELS, es
     """Fraction of truths inside the central credible interval of each level.
 
     Args:
-        draws, truths, estimator: as in `central_level`.
+        draws: as in `central_level`.
+        truths: as there.
         levels: [L] in (0, 1). By rank the level must be below M / (M + 1): M draws have no wider interval.
+        estimator: as there.
 
     Returns:
         [L]; equal to the levels for a calibrated posterior, below them for one that is too sure.

@@ -74,7 +74,8 @@ def reward_terms(
         config: weights.
         progress: f32[] metres come closer in this step.
         action: f32[18].
-        success, fell: bool[].
+        success: bool[].
+        fell: bool[].
         goal_task: whether success earns the bonus under the dense reward.
     """
     zero = jnp.zeros(())
