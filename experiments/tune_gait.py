@@ -71,8 +71,9 @@ def limits(anatomy: Anatomy) -> Limits:
     model = load_model(anatomy)
     touching = (model.geom_bodyid == model.body("torso").id) & (model.geom_contype > 0)
     deepest = np.max(model.geom_size[touching, 0] - model.geom_pos[touching, 2], initial=0.0)
-    torque, stiffness = model.actuator_forcerange[:, 1], model.actuator_gainprm[:, 0]
-    return Limits(round(float(deepest) + CLEARANCE, 6), np.float32(torque / stiffness))
+    error = model.actuator_forcerange[:, 1] / model.actuator_gainprm[:, 0]
+    stall = np.where(model.actuator_forcelimited, error, np.inf).astype(np.float32)
+    return Limits(round(float(deepest) + CLEARANCE, 6), stall)
 
 
 def walk(robot: hexapod.Hexapod, damage: Damage, gait: Gait, goal: jax.Array, key: jax.Array) -> Seen:
