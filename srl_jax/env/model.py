@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from srl_jax.env.anatomy import PHANTOMX, Anatomy
+from srl_jax.env.interface import CONTROL_HZ, SUBSTEPS
 
 # MJX announces on stdout, where results go, that its optional Warp backend is missing.
 with contextlib.redirect_stdout(io.StringIO()):
@@ -79,8 +80,8 @@ def check(model: mujoco.MjModel, anatomy: Anatomy) -> None:
 
     Damage, observations and actions find their parts by place, so all of them stand in the order of the anatomy: body
     ``torso`` first, on a free joint; then for every joint, and in that order, a body, a hinge and an actuator of its
-    name. Every leg has a sphere ``foot_<leg>`` on its last link, there is a keyframe ``stance``, a camera ``track``
-    and a light for the videos.
+    name. Every leg has a sphere ``foot_<leg>`` on its last link, and only spheres of links touch, since a lost one is
+    told by its radius not to. There is a keyframe ``stance``, a camera ``track`` and a light for the videos.
     """
     for reason in _lacks(model, anatomy):
         raise ValueError(f"{anatomy.mjcf} is not robot {anatomy.name!r}: {reason}.")
@@ -95,18 +96,36 @@ def _lacks(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:
     ):
         names = [getattr(model, kind)(index).name for index in range(count)]
         for index, name in enumerate(wanted):
-            if name is not None and names[index : index + 1] != [name]:
-                yield f"its {kind} {index} must be {name!r}, not {(names[index:] or ['missing'])[0]!r}"
-        if count != len(wanted):
+            found = names[index] if index < count else ""
+            if name not in (None, found):
+                yield f"its {kind} {index} must be {name!r}" + f", not {found!r}" * bool(found)
+        if count > len(wanted):
             yield f"it has the {kind} {names[len(wanted)]!r} too many"
     if model.jnt_type[0] != free or any(model.jnt_type[1:] != hinge):
         yield "its first joint must be free and all others hinges"
     if list(model.actuator_trnid[:, 0]) != list(range(1, model.njnt)):
         yield "every actuator must drive the joint of its name"
+    yield from _lacks_links(model, anatomy)
+    if abs(model.opt.timestep * CONTROL_HZ * SUBSTEPS - 1.0) > 1e-6:
+        yield f"its timestep is {model.opt.timestep:g} s and must be {1.0 / (CONTROL_HZ * SUBSTEPS):.16g}"
+    yield from _lacks_named(model, anatomy)
+
+
+def _lacks_links(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:
+    links = anatomy.joints
+    for index, name in enumerate(links):
+        parent = "torso" if name.startswith(f"{anatomy.segments[0]}_") else links[index - 1]
+        if model.body(model.body_parentid[index + 2]).name != parent:
+            yield f"its body {name!r} must hang on {parent!r}"
+        if model.jnt_bodyid[index + 1] != index + 2:
+            yield f"its joint {name!r} must move the body of its name"
     for name, mass in zip(links, model.body_mass[2:], strict=True):
         if not LINKS[0] <= mass <= LINKS[1]:
             yield f"its link {name!r} weighs {mass:g} kg; from {LINKS[0]:g} to {LINKS[1]:g} are accepted"
-    yield from _lacks_named(model, anatomy)
+    for geom in np.flatnonzero((model.geom_bodyid > 1) & (model.geom_contype | model.geom_conaffinity > 0)):
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_SPHERE or not model.geom_contype[geom]:
+            body = model.body(model.geom_bodyid[geom]).name
+            yield f"its link {body!r} may touch by what is no sphere with a contype, and no damage takes that off"
 
 
 def _lacks_named(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:

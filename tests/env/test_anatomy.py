@@ -82,6 +82,12 @@ def test_a_bad_description_is_one_sentence(changes, sentence):
             'class="foot"/><geom name="foot_lf" class="lower_tube"/><geom',
             "its geom 'foot_lf' must be a sphere of the body 'lower_lf'",
         ),
+        (
+            'class="upper_tube"/>',
+            'class="upper_tube" contype="1"/>',
+            "its link 'upper_rf' may touch by what",
+        ),
+        ('timestep="0.016666666666666666"', 'timestep="0.01"', "its timestep is 0.01 s and must be 0.01666666666666"),
         ('key name="stance"', 'key name="home"', "it has no key 'stance'"),
         ('name="track"', 'name="eye"', "it has no camera 'track'"),
         ('mass="0.028"', 'mass="28"', "its link 'upper_rf' weighs 28 kg; from 0.004 to 9 are accepted"),
