@@ -16,6 +16,7 @@ from srl_jax.cli.ending import leave
 from srl_jax.cli.left import Left
 from srl_jax.cli.signals import StopSignals
 from srl_jax.config import Config, Preset, preset
+from srl_jax.env.anatomy import PHANTOMX
 from srl_jax.job import plan
 from srl_jax.job.files import differences, read_config
 from srl_jax.job.logs import Logs
@@ -32,7 +33,7 @@ SHORT = {"--physics": "--env.physics"}  # options that may be given without thei
 
 @dataclass(frozen=True)
 class Arguments(Config):
-    """Train DDPG and SRL on a damaged hexapod: every seed and every damage in one compiled program."""
+    """Train DDPG and SRL on a damaged robot: every seed and every damage in one compiled program."""
 
     preset: Preset = "default"
     """Where the other options start from: default (tuned for two cores), paper (its table as printed), robot (one robot
@@ -128,7 +129,8 @@ def parse(argv: list[str]) -> tuple[Arguments, Config]:
     """
     argv = _spelled_out(argv)
     resume, name = _option(argv, "--resume"), _option(argv, "--preset")
-    base = read_config(Path(resume))[0] if resume else preset(name or "default")
+    robot = _option(argv, "--robot") or PHANTOMX.name
+    base = read_config(Path(resume))[0] if resume else preset(name or "default", robot)
     values: dict[str, Any] = {name: getattr(base, name) for name in FIELDS}
     values |= {name: base.agent(name) for name in _registered()}
     arguments = tyro.cli(_sections(), args=argv, default=_sections()(**values), prog="srl-jax run")

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model
 from srl_jax.env.model import step as mjx_step
@@ -20,17 +21,21 @@ TRIAL = 4_096  # robots by which the steppers are compared
 CHOICES = ("auto", "star", "mjx")
 
 
-@cache
-def shipped_star() -> Star:
-    """The shipped robot as the star stepper knows it; one object, so that programs compiled for it are found again.
+def shipped_star(anatomy: Anatomy = PHANTOMX) -> Star:
+    """A robot as the star stepper knows it; one object, so that programs compiled for it are found again.
 
     Raises:
-        NotAStarError: its description was changed to what the stepper cannot represent; the message names the part.
+        NotAStarError: its description is of what the stepper cannot represent; the message names the part.
     """
-    return read(put_model(load_model()))
+    return _star(anatomy)
 
 
-def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
+@cache
+def _star(anatomy: Anatomy) -> Star:
+    return read(put_model(load_model(anatomy)))
+
+
+def choose(physics: str, model: mjx.Model | None = None, anatomy: Anatomy = PHANTOMX) -> Star | None:
     """The stepper that a setting stands for: the star stepper's constants, or None for MJX.
 
     ``auto`` is MJX where the model is no star; else ``star`` on a CPU, and on an accelerator the faster of both, which
@@ -38,7 +43,8 @@ def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
 
     Args:
         physics: auto, star or mjx.
-        model: of another robot than the shipped one. Programs are compiled for the object that is returned: keep it.
+        model: of another robot than `anatomy`'s. Programs are compiled for the object that is returned: keep it.
+        anatomy: the robot, where there is no `model`.
 
     Raises:
         ValueError: another word.
@@ -49,19 +55,19 @@ def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
     if physics == "mjx":
         return None
     try:
-        star = shipped_star() if model is None else read(model)
+        star = shipped_star(anatomy) if model is None else read(model)
     except NotAStarError:
         if physics == "star":
             raise
         return None
     if physics == "star" or jax.default_backend() == "cpu":
         return star
-    return _faster_for_shipped() if model is None else faster(star, model)
+    return _faster_for_shipped(anatomy) if model is None else faster(star, model)
 
 
 @cache
-def _faster_for_shipped() -> Star | None:
-    return faster(shipped_star(), put_model(load_model()))
+def _faster_for_shipped(anatomy: Anatomy) -> Star | None:
+    return faster(shipped_star(anatomy), put_model(load_model(anatomy)))
 
 
 def faster(star: Star, model: mjx.Model) -> Star | None:

@@ -95,12 +95,14 @@ def parse_damages(config: Config) -> tuple[str, ...]:
         return (MIX,)
     if config.damage_schedule:
         return (">".join(f"{name}@{start}" for start, name in parse_schedule(config)),)
-    return damage_names.parse_names(config.damage, config.task)
+    return damage_names.parse_names(config.damage, config.task, config.anatomy)
 
 
 def parse_mix(config: Config) -> tuple[str, ...]:
     """The damages that the robots of every lane draw from; none where each lane has one damage."""
-    return damage_names.parse_names(config.damage_mix, config.task) if config.damage_mix else ()
+    if not config.damage_mix:
+        return ()
+    return damage_names.parse_names(config.damage_mix, config.task, config.anatomy)
 
 
 def parse_part(text: str) -> tuple[int, int]:
@@ -143,7 +145,7 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
         name, _, step = part.strip().partition("@")
         if not step.isdigit():
             raise ValueError(f"damage_schedule has {part!r}: write name@step, such as tibia_rm@20000.")
-        stages.append((int(step), damage_names.canonical(name)))
+        stages.append((int(step), damage_names.canonical(name, config.anatomy)))
     starts = [start for start, _ in stages]
     if starts[0] != 0 or starts != sorted(set(starts)) or starts[-1] >= config.steps:
         raise ValueError(f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}.")
