@@ -8,15 +8,11 @@ learning is what a training chunk takes beyond that. Every figure is the best of
 """
 
 import dataclasses
-import time
-from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 import tyro
-from mujoco import rollout
 from rich.console import Console
 from rich.table import Table
 
@@ -38,43 +34,6 @@ class Arguments:
     """Whose networks and batches; smoke is small, to see that it works."""
 
 
-def best(action: Callable[[], Any], repeats: int) -> float:
-    """Seconds of the fastest of several calls, after one to warm up."""
-    action()
-    seconds = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        action()
-        seconds.append(time.perf_counter() - begin)
-    return min(seconds)
-
-
-def c_mujoco_rate(threads: int, repeats: int) -> float:
-    """Physics steps per second of C MuJoCo, all cores, random position targets about the stance."""
-    from srl_jax.env.model import load_model, stance
-
-    model, robots, steps = load_model(), 8 * threads, 500
-    data = [mujoco.MjData(model) for _ in range(threads)]
-    mujoco.mj_resetDataKeyframe(model, data[0], 0)
-    first = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_getState(model, data[0], first, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    wobble = 0.2 * np.sin(np.arange(steps) / 5.0)[None, :, None]
-    control = stance(model)[7:] + wobble * np.ones((robots, 1, model.nu))
-    seconds = best(lambda: rollout.rollout(model, data, np.tile(first, (robots, 1)), control), repeats)
-    return robots * steps / seconds
-
-
-def sgemm_rate(repeats: int) -> float:
-    """Floating-point operations per second of a float32 matrix product on all cores, by XLA as everything else."""
-    import jax
-    import jax.numpy as jnp
-
-    size = 2048
-    matrix = jax.random.normal(jax.random.key(0), (size, size))
-    product = jax.jit(jnp.matmul)
-    return 2.0 * size**3 / best(lambda: product(matrix, matrix).block_until_ready(), repeats)
-
-
 def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, float]:
     """Seconds a vector step takes with and without learning, and the seconds of compiling, for a number of lanes."""
     import jax
@@ -82,6 +41,7 @@ def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, floa
 
     from srl_jax.config import preset
     from srl_jax.job import plan, start
+    from srl_jax.job.speed import best
     from srl_jax.job.teachers import scripted_gait
     from srl_jax.program import tally
     from srl_jax.program.engine import Engine
@@ -156,6 +116,7 @@ def main(arguments: Arguments) -> None:
 
     from srl_jax.config import preset
     from srl_jax.env.hexapod import SUBSTEPS
+    from srl_jax.job.speed import c_mujoco_rate, sgemm_rate
 
     c_rate, peak, flops = (
         c_mujoco_rate(devices, arguments.repeats),

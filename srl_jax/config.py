@@ -15,6 +15,8 @@ from srl_jax.agents import registry
 from srl_jax.agents.rivals import JumpStartConfig
 from srl_jax.agents.settings import BACConfig, DDPGConfig, FrozenConfig, ITEConfig, SearchConfig, SRLConfig
 from srl_jax.agents.sweep import AgentSettings
+from srl_jax.env import damage_names
+from srl_jax.env.anatomy import PHANTOMX, Anatomy, named
 from srl_jax.env.settings import EnvConfig
 from srl_jax.program.settings import EvaluationConfig, TrainConfig
 
@@ -35,14 +37,17 @@ class Config:
 
     task: Literal["x", "xy", "p2p"] = "p2p"
     """x: distance along x; xy: distance in any direction; p2p: reach a point."""
+    robot: str = PHANTOMX.name
+    """Who walks: phantomx (six legs), quadruped, or one that is registered."""
     seeds: str = "10"
     """A count (seeds 0..N-1) or a list (3,7,11)."""
     algos: str = "ddpg,srl"
     """Any of ddpg, srl, ddpg_warm, acteach, rlpd, ibrl, jsrl, bac, mcpg, bpg, ite, tripod, pi_b and what else is
     registered, separated by commas."""
     damage: str = "task"
-    """Names such as tibia_rm,leg_rm+leg_lf and sets: task (the paper's, all six legs), all (the catalogue), losses21,
-    joints, limp (legs), triples (three legs lost), healthy; sets may be joined: losses21+limp."""
+    """Names such as tibia_rm,leg_rm+leg_lf and sets: task (the paper's, every leg in turn), all (the catalogue), losses
+    (every joint), losses21 (one or two legs; losses10 of the quadruped), joints, limp (legs), triples (three legs
+    lost), healthy; sets may be joined: losses21+limp."""
     damage_schedule: str = ""
     """Damage that changes in the middle of the run: healthy@0,tibia_rm@20000,leg_rm@40000 (replaces damage)."""
     damage_mix: str = ""
@@ -51,7 +56,7 @@ class Config:
     steps: int = 50_000
     """Environment steps of each lane."""
     behaviour: str = "gait"
-    """pi_B: gait (the tuned tripod), train (learn a healthy policy first, one per seed), repertoire (what trial and
+    """pi_B: gait (the scripted one), train (learn a healthy policy first, one per seed), repertoire (what trial and
     error finds after the damage), atlas (the best policy of an atlas for the damage), atlas-others (the best that was
     trained for another damage; either with :FILE), or a finished run; several, separated by commas, are several
     teachers."""
@@ -89,6 +94,15 @@ class Config:
         if name in registry.SHIPPED:
             return getattr(self, name)
         return self.more[name] if name in self.more else registry.settings(name)
+
+    @property
+    def anatomy(self) -> Anatomy:
+        """The robot's description.
+
+        Raises:
+            ValueError: there is none of its name.
+        """
+        return named(self.robot)
 
     @property
     def solves(self) -> bool:
@@ -159,10 +173,18 @@ def _robot(base: Config) -> Config:
     )
 
 
-def preset(name: str) -> Config:
+def preset(name: str, robot: str = PHANTOMX.name) -> Config:
     """The named starting point: ``default`` (tuned for two cores), ``paper`` (its table as printed), ``smoke``, and
-    ``robot``, as one robot would learn after its damage: one environment, what it senses, an update a step."""
-    base = Config()
+    ``robot``, as one robot would learn after its damage: one environment, what it senses, an update a step.
+
+    Args:
+        name: of the preset.
+        robot: whose parts its damage is of.
+
+    Raises:
+        ValueError: there is no such preset or robot.
+    """
+    base = Config(robot=robot)
     if name == "robot":
         return _robot(base)
     if name == "paper":
@@ -193,8 +215,9 @@ def preset(name: str) -> Config:
         }
         env = dataclasses.replace(base.env, episode_steps=40)
         agents["bac"] = dataclasses.replace(base.bac, hidden=(32, 32), batch=32, freeze=(400.0,))
+        damage = damage_names.lost(1, base.anatomy)[1]
         return dataclasses.replace(
-            base, seeds="2", damage="leg_rm", algos="ddpg,srl", steps=1_600, env=env, train=train, **agents
+            base, seeds="2", damage=damage, algos="ddpg,srl", steps=1_600, env=env, train=train, **agents
         )
     if name != "default":
         raise ValueError(f"preset is {name!r}: choose default, paper, robot or smoke.")

@@ -4,6 +4,7 @@ Both call the same `hexapod` functions for start, observation, reward and ends; 
 control steps differs.
 """
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import CONTROL_HZ, EnvState, EnvStep, Hexapod
 from srl_jax.env.model import mjx
@@ -22,7 +24,7 @@ from srl_jax.env.settings import EnvConfig
 from srl_jax.env.star.constants import Star
 
 Array = jax.Array | np.ndarray
-Policy = Callable[[jax.Array], jax.Array]  # f32[O] -> f32[18]
+Policy = Callable[[jax.Array], jax.Array]  # f32[O] -> f32[J]
 
 
 class Rollout(NamedTuple):
@@ -31,7 +33,7 @@ class Rollout(NamedTuple):
     Rows from ``length`` on repeat the last pose and earn nothing.
     """
 
-    qpos: Array  # f32[T, 25] pose reached by each step (m, quaternion, rad)
+    qpos: Array  # f32[T, J + 7] pose reached by each step (m, quaternion, rad)
     reward: Array  # f32[T]
     success: Array  # bool[] the goal reached at some step
     fell: Array  # bool[] tipped over
@@ -49,7 +51,7 @@ def rollout_mjx(robot: Hexapod, damage: Damage, policy: Policy, keys: jax.Array,
     Args:
         robot: from `hexapod.make`.
         damage: unbatched values.
-        policy: observation f32[O] -> action f32[18].
+        policy: observation f32[O] -> action f32[J].
         keys: [K] random keys, as for `hexapod.reset`.
         steps: T, at least 1.
 
@@ -60,9 +62,7 @@ def rollout_mjx(robot: Hexapod, damage: Damage, policy: Policy, keys: jax.Array,
         ValueError: if ``steps`` is below 1.
     """
     _check_steps(steps)
-    arrays = (robot.model, robot.data, robot.stance)
-    setting = (robot.task, robot.config, robot.clock_hz, robot.star)
-    return _roll(arrays, _as_pytree(policy), damage, keys, setting=setting, steps=steps)
+    return _roll(robot[:3], _as_pytree(policy), damage, keys, setting=robot[3:], steps=steps)
 
 
 @partial(jax.jit, static_argnames=("setting", "steps"))
@@ -72,7 +72,7 @@ def _roll(
     damage: Damage,
     keys: jax.Array,
     *,
-    setting: tuple[str, EnvConfig, float, Star | None],
+    setting: tuple[str, EnvConfig, float, Star | None, Anatomy],
     steps: int,
 ) -> Rollout:
     robot = Hexapod(*arrays, *setting)
@@ -116,7 +116,7 @@ def rollout_c(
     Args:
         robot: from `hexapod.make`.
         damage_name: as `damage_names.canonical`.
-        policy: observation f32[O] -> action f32[18].
+        policy: observation f32[O] -> action f32[J].
         key: random key.
         steps: T, at least 1.
         model: of the damaged robot, with other physics settings; as in training where None.
@@ -128,8 +128,9 @@ def rollout_c(
         ValueError: for a bad damage name, ``steps`` below 1, or a time step that does not divide 1/20 s.
     """
     _check_steps(steps)
-    damage = damages.build(damage_name)
-    model = damages.damaged_model(damage_name) if model is None else model
+    robot = robot._replace(config=dataclasses.replace(robot.config, randomise="none"))
+    damage = damages.build(damage_name, robot.anatomy)
+    model = damages.damaged_model(damage_name, robot.anatomy) if model is None else model
     substeps = _substeps(model)
     state, observation = hexapod.reset(robot, damage, key)
     goal, policy = np.asarray(state.goal), _as_pytree(policy)
@@ -165,20 +166,20 @@ def _one_rollout(outs: list[EnvStep], poses: list[np.ndarray], steps: int, goal:
     )
 
 
-def converged_model(damage_name: str) -> mujoco.MjModel:
+def converged_model(damage_name: str, anatomy: Anatomy = PHANTOMX) -> mujoco.MjModel:
     """The damaged robot with physics settings that leave no error worth naming: 2 ms, 50 Newton iterations.
 
     Raises:
         ValueError: for a bad damage name.
     """
-    model = damages.damaged_model(damage_name)
+    model = damages.damaged_model(damage_name, anatomy)
     model.opt.timestep, model.opt.iterations, model.opt.ls_iterations = 0.002, 50, 50
     return model
 
 
 def _c_functions(robot: Hexapod, damage: Damage) -> tuple[Callable, Callable]:
     """Jitted acting and accounting of one control step, compiled once per setting."""
-    setting = (robot.task, robot.config, robot.clock_hz, robot.star)
+    setting = robot[3:]
     return partial(_act, robot.stance, setting=setting), partial(_advance, robot.stance, damage, setting=setting)
 
 

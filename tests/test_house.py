@@ -16,7 +16,7 @@ ROOMS = (  # highest first; rooms of one line do not know each other
     ("job",),
     ("config",),
     ("demo",),
-    ("pretrained", "show"),
+    ("pretrained", "show", "standard"),
     ("report", "atlas", "robot"),
     ("evaluate",),
     ("program",),
@@ -46,9 +46,9 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
         "sweep.cache",
     ),
     *("sweep.task", "sweep.local", "sweep.slurm", "sweep.status", "sweep.__main__"),
-    *("job.plan", "job.files", "program.settings", "program.lanes"),
+    *("job.plan", "job.files", "job.logs", "cli.left", "cli.doctor", "program.settings", "program.lanes"),
     *("agents.sweep", "agents.settings", "agents.rivals", "agents.registry"),
-    *("env.settings", "env.anatomy", "env.damage_names"),
+    *("env.settings", "env.anatomy", "env.damage_names", "standard", "standard.settings"),
 )
 JAX = {"jax", "jaxlib", "chex", "distrax", "flax", "optax", "orbax", "mujoco"}  # what is jax, imports it, or is large
 LINES = {"srl_jax": 250, "experiments": 250, "tests": 300}  # of a file

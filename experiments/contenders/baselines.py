@@ -13,37 +13,16 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-import gymnasium  # pyright: ignore[reportMissingImports]
 import numpy as np
 import stable_baselines3 as sb3  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.noise import OrnsteinUhlenbeckActionNoise  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.vec_env import DummyVecEnv  # pyright: ignore[reportMissingImports]
 
 from experiments.contenders.measuring import Runner
-from experiments.contenders.numpy_robot import Robot
 from srl_jax.config import Config
+from srl_jax.standard.gym import Hexapod
 
 Run = tuple[int, str]  # seed and damage
-
-
-class Hexapod(gymnasium.Env):
-    """The NumPy robot under Gymnasium's names."""
-
-    def __init__(self, config: Config, damage: str):
-        from srl_jax.env.hexapod import ACTION_SIZE, observation_size
-        from srl_jax.job.teachers import scripted_gait
-
-        size = observation_size(config.task, config.env)
-        self.robot = Robot(config.task, config.env, damage, scripted_gait().clock_hz)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        super().reset(seed=seed)
-        return self.robot.reset(self.np_random), {}
-
-    def step(self, action: np.ndarray):
-        return *self.robot.step(action), {}
 
 
 def model(library: str, config: Config, run: Run) -> Any:
@@ -53,7 +32,7 @@ def model(library: str, config: Config, run: Run) -> Any:
     size = agent.noise[0] * np.sqrt(1.0 - correlation**2) * np.ones_like(actions)
     common: dict[str, Any] = dict(
         policy="MlpPolicy",
-        env=DummyVecEnv([partial(Hexapod, config, damage)] * train.environments),
+        env=DummyVecEnv([partial(Hexapod, config.task, damage, settings=config.env)] * train.environments),
         buffer_size=train.capacity,
         learning_starts=train.warmup,
         batch_size=agent.batch,

@@ -10,6 +10,7 @@ import tyro
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.cli.run import quiet
+from srl_jax.env.anatomy import PHANTOMX
 
 if TYPE_CHECKING:
     from srl_jax.atlas.file import Atlas
@@ -68,6 +69,8 @@ def assembled(arguments: Arguments) -> dict[str, Any]:
         if Path(source).is_dir() and source:
             policies = export.from_run(Path(source), seed=arguments.seed)
             about = policies[0].about
+            if about["robot"] != PHANTOMX.name:
+                raise ValueError(f"{source} has robot={about['robot']}: the page's robot is the {PHANTOMX.name}.")
             if about["history"]:
                 raise ValueError(f"{source} has env.history={about['history']}: the page's robot keeps none, give 0.")
             made = f"Policies of a run of {about['steps']:,} environment steps a lane, seed {arguments.seed}."

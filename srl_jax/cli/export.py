@@ -69,20 +69,20 @@ def described(policy: Policy) -> str:
 
 
 def _chosen(arguments: Arguments) -> list[Policy]:
-    damages = tuple(map(damage_names.canonical, arguments.damage))
     source = Path(arguments.source)
     if arguments.source and source.is_dir():
         use_devices("1", solves=False)
         quiet()
         from srl_jax.job import export  # jax starts here
 
-        return export.from_run(source, seed=arguments.seed, algos=arguments.algo, damages=damages)
+        return export.from_run(source, seed=arguments.seed, algos=arguments.algo, damages=arguments.damage)
     from srl_jax.atlas import stored
 
     for name, value in (("algo", arguments.algo), ("seed", arguments.seed)):
         if value not in ((), None):
             raise ValueError(f"{name} is {value}: an atlas has one policy for each damage, chosen by damage alone.")
     own = list(stored.policies(stored.read(arguments.source)).values())
+    damages = tuple(map(damage_names.canonical, arguments.damage))
     return portable.pick(own, damages, arguments.source or "the atlas that ships")
 
 

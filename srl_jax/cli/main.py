@@ -19,6 +19,10 @@ VERBS = {
     "play": ("one policy on a robot that is damaged in mid-stride, as a video or live", "srl_jax.cli.play:main"),
     "deploy": ("one policy on the robot itself, or on a simulated bus", "srl_jax.cli.deploy:main"),
     "sweep": ("many lanes as packs, on one machine, a Slurm cluster or Ray", "srl_jax.cli.sweep:main"),
+    "doctor": (
+        "what this machine has, how fast it is, how long a run takes, what to change",
+        "srl_jax.cli.doctor:main",
+    ),
 }  # name: (what it does, the function that is given its arguments)
 
 

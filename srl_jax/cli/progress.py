@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from srl_jax.cli.left import Left, said
 from srl_jax.report.table import format_table
 
 if TYPE_CHECKING:
@@ -27,22 +28,28 @@ class Display:
 
     directory: Path  # where the job's files go, known once it has begun
 
-    def __init__(self, console: Console | None = None):
+    def __init__(self, console: Console | None = None, left: Left | None = None):
+        """Shows nothing yet.
+
+        Args:
+            console: where to; None: standard output.
+            left: knows how long the run will take, from its beginning; None: its pace must show.
+        """
         usual = Terminal() if sys.stdout.isatty() else Terminal(width=140)  # a file has no width
         self.console = console or usual
         self._shown = ("", "")
+        self._left = left or Left()
         self.bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),
             TextColumn("{task.completed:,.0f}/{task.total:,.0f} steps"),
             TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),
             TextColumn("{task.fields[rates]}"),
             console=self.console,
             disable=not self.console.is_terminal,
         )
-        self.task = self.bar.add_task("starting", total=1, rates="")
+        self.task = self.bar.add_task("starting", total=1, left="", rates="")
         self._begun = False
 
     def __enter__(self) -> "Display":
@@ -64,10 +71,11 @@ class Display:
         if status.note:
             self.console.print(status.note, soft_wrap=True, highlight=False)
         rates = f"{status.environment_rate:,.0f} env steps/s  {status.update_rate:,.0f} updates/s  {latest(status)}"
-        self.bar.update(self.task, description=status.phase, completed=status.step, total=status.steps, rates=rates)
-        shown = (status.phase, latest(status))
+        left, phase = said(self._left.seconds(status)), status.phase
+        self.bar.update(self.task, description=phase, completed=status.step, total=status.steps, left=left, rates=rates)
+        shown = (phase, latest(status))
         if not self.console.is_terminal and shown != self._shown:
-            line = f"{status.phase} {status.step}/{status.steps} {status.elapsed:.0f} s {rates}"
+            line = f"{phase} {status.step}/{status.steps} {status.elapsed:.0f} s {left} {rates}"
             self.console.print(line, soft_wrap=True, highlight=False)
             self.console.file.flush()
             self._shown = shown

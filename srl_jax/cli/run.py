@@ -5,26 +5,35 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
+from srl_jax import machine
 from srl_jax.agents import registry
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
+from srl_jax.cli.left import Left
 from srl_jax.cli.signals import StopSignals
 from srl_jax.config import Config, Preset, preset
+from srl_jax.env.anatomy import PHANTOMX
 from srl_jax.job import plan
 from srl_jax.job.files import differences, read_config
+from srl_jax.job.logs import Logs
+from srl_jax.job.logs import parse as parse_logs
+
+if TYPE_CHECKING:
+    from srl_jax.job.progress import Progress
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Config) if field.name != "more")
 OF_THE_MACHINE = ("devices",)  # what a run may go on with on another machine
+QUICK = 1_024  # size of the product of matrices that tells how fast this machine is
 SHORT = {"--physics": "--env.physics"}  # options that may be given without their section
 
 
 @dataclass(frozen=True)
 class Arguments(Config):
-    """Train DDPG and SRL on a damaged hexapod: every seed and every damage in one compiled program."""
+    """Train DDPG and SRL on a damaged robot: every seed and every damage in one compiled program."""
 
     preset: Preset = "default"
     """Where the other options start from: default (tuned for two cores), paper (its table as printed), robot (one robot
@@ -33,6 +42,10 @@ class Arguments(Config):
     """Directory for the results; runs/<task>-<date> if empty."""
     resume: str = ""
     """Directory of a run to go on with; its settings are kept, but for devices."""
+    log: str = ""
+    """Where measurements go besides metrics.csv: any of tensorboard, wandb, csv, separated by commas."""
+    log_by: Literal["method", "lane"] = "method"
+    """What they are of: method, the interquartile mean over its lanes, or every lane."""
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -43,10 +56,13 @@ def main(argv: list[str] | None = None) -> None:
 def _main(argv: list[str]) -> int:
     arguments, config = parse(argv)
     directory = Path(arguments.resume or arguments.out or f"runs/{config.task}-{time.strftime('%Y%m%d-%H%M%S')}")
-    return train(config, directory, exact=bool(arguments.out), resume=bool(arguments.resume), verb="srl-jax run")[1]
+    logs, again = Logs(parse_logs(arguments.log), arguments.log_by), bool(arguments.resume)
+    return train(config, directory, exact=bool(arguments.out), resume=again, verb="srl-jax run", logs=logs)[1]
 
 
-def train(config: Config, directory: Path, *, exact: bool, resume: bool, verb: str) -> tuple[Path, int]:
+def train(
+    config: Config, directory: Path, *, exact: bool, resume: bool, verb: str, logs: Logs | None = None
+) -> tuple[Path, int]:
     """Sets jax up and trains, with a display; returns where the files went, and 0 or what a shell makes of the signal.
 
     Args:
@@ -55,21 +71,31 @@ def train(config: Config, directory: Path, *, exact: bool, resume: bool, verb: s
         exact: it is this directory, or another number may be appended where it is taken.
         resume: go on with what is there.
         verb: by which a stopped run is gone on with.
+        logs: where measurements go besides the run's own files.
     """
     devices, stop = devices_of(config), StopSignals()
     quiet()
 
     from srl_jax.cli.progress import Display
     from srl_jax.job.run import run  # jax starts here, after the devices are known
+    from srl_jax.job.speed import sgemm_rate
+    from srl_jax.sweep.cost import OF_RATES, run_seconds
 
-    with Display() as display:
+    speed = OF_RATES._replace(sgemm=sgemm_rate(1, QUICK) / machine.cores())
+    left = Left(None if resume else run_seconds(config, devices, speed), config.train.warmup)
+    with logs or Logs(()) as told, Display(left=left) as display:
+
+        def listen(status: "Progress") -> None:
+            told.update(status)
+            display.update(status)
+
         summary = run(
             config,
             directory,
             devices,
             exact=exact,
             resume=resume,
-            listener=display.update,
+            listener=listen,
             stopped=stop.requested,
         )
     if summary is None:
@@ -103,7 +129,8 @@ def parse(argv: list[str]) -> tuple[Arguments, Config]:
     """
     argv = _spelled_out(argv)
     resume, name = _option(argv, "--resume"), _option(argv, "--preset")
-    base = read_config(Path(resume))[0] if resume else preset(name or "default")
+    robot = _option(argv, "--robot") or PHANTOMX.name
+    base = read_config(Path(resume))[0] if resume else preset(name or "default", robot)
     values: dict[str, Any] = {name: getattr(base, name) for name in FIELDS}
     values |= {name: base.agent(name) for name in _registered()}
     arguments = tyro.cli(_sections(), args=argv, default=_sections()(**values), prog="srl-jax run")

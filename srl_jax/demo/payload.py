@@ -11,7 +11,7 @@ from srl_jax.atlas import belief, choice, tracking, trials
 from srl_jax.atlas.file import Atlas
 from srl_jax.env import damage as damages
 from srl_jax.env import gait, senses
-from srl_jax.env.anatomy import LEGS
+from srl_jax.env.anatomy import LEGS, PHANTOMX
 from srl_jax.env.damage import Damage
 from srl_jax.env.damage_names import HEALTHY, canonical, catalogue
 from srl_jax.env.hexapod import ACTION_SCALE, CONTROL_HZ, SUBSTEPS, UPRIGHT
@@ -85,7 +85,8 @@ def _packed(values: np.ndarray) -> str:
 def tripod() -> dict[str, Any]:
     """The scripted gait, pi_B."""
     own = {name: float(value) for name, value in gait.load()._asdict().items()}
-    return {"gait": own, "mount": gait.MOUNT.tolist(), "tripod": gait.TRIPOD.tolist()}
+    mount = np.deg2rad(np.array(PHANTOMX.mounts, np.float32))
+    return {"gait": own, "mount": mount.tolist(), "tripod": list(PHANTOMX.phases)}
 
 
 def of_atlas(policies: dict[str, Policy], about: str) -> dict[str, Any]:

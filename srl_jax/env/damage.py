@@ -1,4 +1,4 @@
-"""Damage as values: the model leaves that differ between a healthy and a damaged hexapod.
+"""Damage as values: the model leaves that differ between a healthy and a damaged robot.
 
 A damage has a name (`damage_names`) and becomes a `Damage` of arrays, which may be batched and may change in the
 middle of a rollout without recompiling. A removed link stays in the model as a weightless ghost that touches and
@@ -13,14 +13,14 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from srl_jax.env.anatomy import JOINTS
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage_names import Loss, parse
 from srl_jax.env.model import load_model, load_spec, mjx, stance
 
 Array = jax.Array | np.ndarray
 
 GHOST = 1e-4  # share of mass and inertia a removed link keeps: MuJoCo wants moving bodies to have some
-PRESENT = 1e-3  # kg: the lightest link weighs 25 g, the heaviest ghost 9 mg
+PRESENT = 1e-3  # kg: of the PhantomX the lightest link weighs 25 g, the heaviest ghost 9 mg; see `model.LINKS`
 NEVER_TOUCHES = -10.0  # radius (m) of a lost foot: its surface is 10 m above its centre in any attitude
 
 # A locked joint stays a degree of freedom, made heavy so that nothing the robot does can accelerate it, and
@@ -34,36 +34,40 @@ LOCK_RATE = 10.0  # rad/s
 class Damage(NamedTuple):
     """Every `mjx.Model` leaf that some damage changes, named as there; a leading axis batches damages.
 
-    20 bodies (world, torso, 18 links), 24 degrees of freedom (6 + 18), 19 joints (root + 18).
+    Of a robot with J joints: J + 2 bodies (world, torso, links), J + 6 degrees of freedom, J + 1 joints (root first).
     """
 
-    body_mass: Array  # f32[20] kg
-    body_inertia: Array  # f32[20, 3] kg m^2
-    body_subtreemass: Array  # f32[20] kg
-    body_invweight0: Array  # f32[20, 2]
-    dof_invweight0: Array  # f32[24]
-    dof_armature: Array  # f32[24] kg m^2
-    dof_damping: Array  # f32[24] N m s/rad
-    jnt_stiffness: Array  # f32[19] N m/rad
-    qpos_spring: Array  # f32[25] rad (m and quaternion for the root)
+    body_mass: Array  # f32[J + 2] kg
+    body_inertia: Array  # f32[J + 2, 3] kg m^2
+    body_subtreemass: Array  # f32[J + 2] kg
+    body_invweight0: Array  # f32[J + 2, 2]
+    dof_invweight0: Array  # f32[J + 6]
+    dof_armature: Array  # f32[J + 6] kg m^2
+    dof_damping: Array  # f32[J + 6] N m s/rad
+    jnt_stiffness: Array  # f32[J + 1] N m/rad
+    qpos_spring: Array  # f32[J + 7] rad (m and quaternion for the root)
     geom_size: Array  # f32[ngeom, 3] m
     geom_pos: Array  # f32[ngeom, 3] m, in the link's frame
-    actuator_gainprm: Array  # f32[18, 10]
-    actuator_biasprm: Array  # f32[18, 10]
-    actuator_forcerange: Array  # f32[18, 2] N m
+    actuator_gainprm: Array  # f32[J, 10]
+    actuator_biasprm: Array  # f32[J, 10]
+    actuator_forcerange: Array  # f32[J, 2] N m
 
 
-def build(name: str) -> Damage:
+def build(name: str, anatomy: Anatomy = PHANTOMX) -> Damage:
     """The damage called ``name`` as NumPy arrays.
+
+    Args:
+        name: of the damage.
+        anatomy: of the robot, here and below.
 
     Raises:
         ValueError: for a bad name, as `damage_names.canonical`.
     """
-    model = damaged_model(name)
+    model = damaged_model(name, anatomy)
     return Damage(*(np.array(getattr(model, field), np.float32) for field in Damage._fields))
 
 
-def stack(names: Sequence[str]) -> Damage:
+def stack(names: Sequence[str], anatomy: Anatomy = PHANTOMX) -> Damage:
     """The damages called ``names``, stacked on a leading axis, ready for ``vmap``.
 
     Raises:
@@ -71,7 +75,7 @@ def stack(names: Sequence[str]) -> Damage:
     """
     if not names:
         raise ValueError("names is empty; at least one damage is needed.")
-    return Damage(*(np.stack(leaves) for leaves in zip(*(build(name) for name in names), strict=True)))
+    return Damage(*(np.stack(leaves) for leaves in zip(*(build(name, anatomy) for name in names), strict=True)))
 
 
 def apply(model: mjx.Model, damage: Damage) -> mjx.Model:
@@ -80,17 +84,17 @@ def apply(model: mjx.Model, damage: Damage) -> mjx.Model:
 
 
 def present(damage: Damage) -> Array:
-    """Which joints have their link, bool[18]: a removed one has left a ghost, and its encoder is silent."""
+    """Which joints have their link, bool[J]: a removed one has left a ghost, and its encoder is silent."""
     return damage.body_mass[2:] > PRESENT  # bodies 0 and 1: world and torso
 
 
-def damaged_model(name: str) -> mujoco.MjModel:
+def damaged_model(name: str, anatomy: Anatomy = PHANTOMX) -> mujoco.MjModel:
     """The C MuJoCo model with the same edits as `build`; removed links are also made invisible.
 
     Raises:
         ValueError: for a bad name, as `damage_names.canonical`.
     """
-    model, losses = load_model(), parse(name)
+    model, losses = load_model(anatomy), parse(name, anatomy)
     for loss in losses:
         for joint in loss.joints:
             _weaken_servo(model, joint, {"weak": loss.amount, "short": 1.0}.get(loss.kind, 0.0))
@@ -104,7 +108,7 @@ def damaged_model(name: str) -> mujoco.MjModel:
     return model
 
 
-def recompiled(name: str) -> mujoco.MjModel:
+def recompiled(name: str, anatomy: Anatomy = PHANTOMX) -> mujoco.MjModel:
     """The robot that truly lacks its lost parts, compiled anew: the reference the edits are tested against.
 
     Removed links are deleted with all that hangs on them, a limp joint loses its actuator, a locked one is
@@ -113,11 +117,11 @@ def recompiled(name: str) -> mujoco.MjModel:
     Raises:
         ValueError: for a bad name, as `damage_names.canonical`.
     """
-    healthy, spec = load_model(), load_spec()
+    healthy, spec = load_model(anatomy), load_spec(anatomy)
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # but for what is cut
     spec.delete(spec.key("stance"))
     gone = set()
-    for loss in parse(name):
+    for loss in parse(name, anatomy):
         for joint in loss.joints:
             if loss.kind == "weak":
                 _slacken_servo(spec.actuator(joint), loss.amount)
@@ -131,9 +135,9 @@ def recompiled(name: str) -> mujoco.MjModel:
             _weld_joint(spec, healthy, loss.joints[0], loss.amount)
         if loss.kind in ("removed", "locked"):
             gone.update(loss.joints)
-    angle = {joint: _stance_angle(healthy, joint) for joint in JOINTS}
+    angle = {joint: _stance_angle(healthy, joint) for joint in anatomy.joints}
     root = stance(healthy)[:7]
-    key = spec.add_key(name="stance", qpos=[*root, *(angle[joint] for joint in JOINTS if joint not in gone)])
+    key = spec.add_key(name="stance", qpos=[*root, *(angle[joint] for joint in anatomy.joints if joint not in gone)])
     key.ctrl = [angle[actuator.name] for actuator in spec.actuators]
     return spec.compile()
 
@@ -166,7 +170,7 @@ def _shorten_link(model: mujoco.MjModel, joint: str, share: float) -> None:
     body = model.body(joint).id
     model.body_mass[body] *= share
     model.body_inertia[body] *= share**3
-    model.geom_pos[model.geom_bodyid == body, 0] *= share
+    model.geom_pos[model.geom_bodyid == body] *= share
 
 
 def _lock_joint(model: mujoco.MjModel, joint: str, degrees: float) -> None:
@@ -221,4 +225,4 @@ def _cut_link(body: mujoco.MjsBody, healthy: mujoco.MjModel, share: float) -> No
     body.ipos, body.iquat = own.ipos, own.iquat
     for geom in body.geoms:
         if geom.contype:
-            geom.pos = geom.pos * np.array([share, 1.0, 1.0])
+            geom.pos = geom.pos * share

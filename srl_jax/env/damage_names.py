@@ -1,9 +1,11 @@
 """The language of damage: names such as ``tibia_rm``, ``leg_rm+leg_lf`` or ``tibia_rf:limp+femur_lm:weak=0.5``.
 
+What legs and joints are called is the robot's (`env.anatomy`); examples here are the PhantomX's.
+
 Parts are joined with ``+``, each a joint or a leg with what has become of it: ``removed`` (where no kind is given),
 ``limp``, ``locked`` at its stance angle or ``locked=20`` degrees from it (joints only), ``weak=0.5`` with this share of
-its servo's torque, ``short=0.6`` with this share of its length (tibiae only); ``healthy`` has none. What lies beyond a
-removed joint is removed as well, so a removed coxa is a removed leg, and is called so.
+its servo's torque, ``short=0.6`` with this share of its length (last links only); ``healthy`` has none. What lies
+beyond a removed joint is removed as well, so a removed coxa is a removed leg, and is called so.
 """
 
 import contextlib
@@ -11,7 +13,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import NamedTuple
 
-from srl_jax.env.anatomy import JOINTS, LEGS, SEGMENTS
+from srl_jax.env.anatomy import LEG, PHANTOMX, SEGMENTS, Anatomy
 
 HEALTHY = "healthy"
 JOINT_KINDS = ("removed", "limp", "locked")
@@ -22,10 +24,11 @@ LOCKS = 45.0  # degrees to either side of the stance that a joint can lock at
 class Loss(NamedTuple):
     """One part of a damage name."""
 
-    segment: str  # coxa, femur, tibia, or leg
+    segment: str  # one of `segments`, or leg
     leg: str
     kind: str  # removed, limp, locked, weak, short
     amount: float = 0.0  # degrees of a lock, share of torque or length
+    segments: tuple[str, ...] = SEGMENTS  # of its robot's legs, from the hip outwards
 
     @property
     def name(self) -> str:
@@ -35,62 +38,83 @@ class Loss(NamedTuple):
     @property
     def joints(self) -> tuple[str, ...]:
         """The joints this loss disables, from the hip outwards; a removed link takes what hangs on it."""
-        first = 0 if self.segment == "leg" else SEGMENTS.index(self.segment)
-        last = len(SEGMENTS) if self.segment == "leg" or self.kind == "removed" else first + 1
-        return tuple(f"{segment}_{self.leg}" for segment in SEGMENTS[first:last])
+        first = 0 if self.segment == LEG else self.segments.index(self.segment)
+        last = len(self.segments) if self.segment == LEG or self.kind == "removed" else first + 1
+        return tuple(f"{segment}_{self.leg}" for segment in self.segments[first:last])
 
 
-def canonical(name: str) -> str:
+def canonical(name: str, anatomy: Anatomy = PHANTOMX) -> str:
     """The one spelling of a damaged robot: parts in leg and segment order, whole legs as such, ``removed`` left out.
+
+    Args:
+        name: of the damage.
+        anatomy: of the robot, here and below.
 
     Raises:
         ValueError: for an unknown part or kind, or where two parts concern the same joint.
     """
-    return "+".join(loss.name for loss in parse(name)) or HEALTHY
+    return "+".join(loss.name for loss in parse(name, anatomy)) or HEALTHY
 
 
-def catalogue() -> tuple[str, ...]:
-    """Healthy, 18 joints x 3 kinds (a removed coxa being a removed leg), 6 limp legs, 15 pairs of removed legs: 76."""
-    joints = [canonical(f"{joint}:{kind}") for joint in JOINTS for kind in JOINT_KINDS]
-    return (HEALTHY, *joints, *(f"leg_{leg}:limp" for leg in LEGS), *losses21()[len(LEGS) :])
+def catalogue(anatomy: Anatomy = PHANTOMX) -> tuple[str, ...]:
+    """Healthy, every joint removed, limp and locked, every leg limp, every pair of legs removed.
+
+    Of the PhantomX 76: 18 joints x 3 kinds (a removed coxa being a removed leg), 6 limp legs, 15 pairs.
+    """
+    return (HEALTHY, *_joints(anatomy), *_limp(anatomy), *lost(2, anatomy))
 
 
 def losses21() -> tuple[str, ...]:
-    """The 6 + 15 losses of one or two legs, the set Mailer (2021) and HexaHeal report on."""
+    """The 6 + 15 losses of one or two legs of the PhantomX, the set Mailer (2021) and HexaHeal report on."""
     return lost(1) + lost(2)
 
 
-def lost(count: int) -> tuple[str, ...]:
+def losses(anatomy: Anatomy = PHANTOMX) -> tuple[str, ...]:
+    """Every joint lost, with what hangs on it: of the PhantomX 18, six of them whole legs."""
+    return tuple(canonical(joint, anatomy) for joint in anatomy.joints)
+
+
+def lost(count: int, anatomy: Anatomy = PHANTOMX) -> tuple[str, ...]:
     """Every loss of so many whole legs."""
-    return tuple("+".join(f"leg_{leg}" for leg in legs) for legs in combinations(LEGS, count))
+    return tuple("+".join(f"{LEG}_{leg}" for leg in legs) for legs in combinations(anatomy.legs, count))
 
 
-def task_set(task: str) -> tuple[str, ...]:
-    """The paper's six damages for a task: a lost tibia for ``x``, a lost leg for ``xy`` and ``p2p``.
+def task_set(task: str, anatomy: Anatomy = PHANTOMX) -> tuple[str, ...]:
+    """The paper's damages for a task, one a leg: a lost last link (tibia) for ``x``, a lost leg for ``xy`` and ``p2p``.
 
     Raises:
         ValueError: for an unknown task.
     """
-    parts = {"x": "tibia", "xy": "leg", "p2p": "leg"}
+    parts = {"x": anatomy.segments[-1], "xy": LEG, "p2p": LEG}
     if task not in parts:
         raise ValueError(f"task is {task!r}; accepted are {', '.join(parts)}.")
-    return tuple(f"{parts[task]}_{leg}" for leg in LEGS)
+    return tuple(f"{parts[task]}_{leg}" for leg in anatomy.legs)
 
 
-def named_sets(task: str) -> dict[str, Callable[[], tuple[str, ...]]]:
-    """Sets of damages that a command line may name."""
+def named_sets(task: str, anatomy: Anatomy = PHANTOMX) -> dict[str, Callable[[], tuple[str, ...]]]:
+    """Sets of damages that a command line may name; one or two lost legs are `losses21` where there are six."""
+    one_or_two = lost(1, anatomy) + lost(2, anatomy)
     return {
         HEALTHY: lambda: (HEALTHY,),
-        "task": lambda: task_set(task),
-        "all": catalogue,
-        "losses21": losses21,
-        "joints": lambda: tuple(canonical(f"{joint}:{kind}") for joint in JOINTS for kind in JOINT_KINDS),
-        "limp": lambda: tuple(f"leg_{leg}:limp" for leg in LEGS),
-        "triples": lambda: lost(3),
+        "task": lambda: task_set(task, anatomy),
+        "all": lambda: catalogue(anatomy),
+        "losses": lambda: losses(anatomy),
+        f"losses{len(one_or_two)}": lambda: one_or_two,
+        "joints": lambda: _joints(anatomy),
+        "limp": lambda: _limp(anatomy),
+        "triples": lambda: lost(3, anatomy),
     }
 
 
-def parse_names(text: str, task: str) -> tuple[str, ...]:
+def _joints(anatomy: Anatomy) -> tuple[str, ...]:
+    return tuple(canonical(f"{joint}:{kind}", anatomy) for joint in anatomy.joints for kind in JOINT_KINDS)
+
+
+def _limp(anatomy: Anatomy) -> tuple[str, ...]:
+    return tuple(f"{LEG}_{leg}:limp" for leg in anatomy.legs)
+
+
+def parse_names(text: str, task: str, anatomy: Anatomy = PHANTOMX) -> tuple[str, ...]:
     """Canonical names for a command line: a comma list of names and of `named_sets`, or of sets joined by ``+``.
 
     What is in several of the sets is taken once.
@@ -98,13 +122,13 @@ def parse_names(text: str, task: str) -> tuple[str, ...]:
     Raises:
         ValueError: for a bad name, an unknown task, or a damage given twice by name.
     """
-    sets, names, united = named_sets(task), [], []
+    sets, names, united = named_sets(task, anatomy), [], []
     for item in (item.strip() for item in text.split(",")):
         parts = [part.strip() for part in item.split("+")]
         if all(part in sets for part in parts):
             united += [name for part in parts for name in sets[part]()]
         else:
-            names.append(canonical(item))
+            names.append(canonical(item, anatomy))
             united.append(names[-1])
     for name in names:
         if names.count(name) > 1:
@@ -112,7 +136,7 @@ def parse_names(text: str, task: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(united))
 
 
-def parse(name: str) -> tuple[Loss, ...]:
+def parse(name: str, anatomy: Anatomy = PHANTOMX) -> tuple[Loss, ...]:
     """The losses in ``name``, in leg and segment order; none for ``healthy``.
 
     Raises:
@@ -121,7 +145,7 @@ def parse(name: str) -> tuple[Loss, ...]:
     if name.strip() == HEALTHY:
         return ()
     owner: dict[str, Loss] = {}
-    for loss in (_parse_loss(part, name) for part in name.split("+")):
+    for loss in (_parse_loss(part, name, anatomy) for part in name.split("+")):
         for joint in loss.joints:
             if joint in owner:
                 raise ValueError(
@@ -129,38 +153,41 @@ def parse(name: str) -> tuple[Loss, ...]:
                     "each joint is accepted in one part only."
                 )
             owner[joint] = loss
-    return tuple(loss for leg in LEGS for loss in _spell(leg, owner))
+    return tuple(loss for leg in anatomy.legs for loss in _spell(leg, owner, anatomy.segments))
 
 
-def _spell(leg: str, owner: dict[str, Loss]) -> Iterator[Loss]:
+def _spell(leg: str, owner: dict[str, Loss], segments: tuple[str, ...]) -> Iterator[Loss]:
     """The fewest losses that do to a leg's joints what their owners do, from the hip outwards."""
-    own = [owner.get(f"{segment}_{leg}") for segment in SEGMENTS]
+    own = [owner.get(f"{segment}_{leg}") for segment in segments]
     fates = {loss and (loss.kind, loss.amount) for loss in own}
     if own[0] and own[0].kind in (*LEG_KINDS, "weak") and len(fates) == 1:
-        yield own[0]._replace(segment="leg")
+        yield own[0]._replace(segment=LEG)
         return
-    for segment, loss in zip(SEGMENTS, own, strict=True):
+    for segment, loss in zip(segments, own, strict=True):
         if loss:
             yield loss._replace(segment=segment)
         if loss and loss.kind == "removed":  # with all that hangs on it
             return
 
 
-def _parse_loss(part: str, name: str) -> Loss:
+def _parse_loss(part: str, name: str, anatomy: Anatomy) -> Loss:
     place, colon, kind = part.strip().partition(":")
     segment, _, leg = place.partition("_")
-    if segment not in ("leg", *SEGMENTS) or leg not in LEGS:
+    if segment not in (LEG, *anatomy.segments) or leg not in anatomy.legs:
+        *first, last = (f"{own}_" for own in (LEG, *anatomy.segments))
         raise ValueError(
-            f"damage {name!r} has the unknown part {part!r}; accepted are {HEALTHY!r} alone, or leg_, coxa_, "
-            f"femur_ or tibia_ followed by one of {', '.join(LEGS)}, joined with '+'."
+            f"damage {name!r} has the unknown part {part!r}; accepted are {HEALTHY!r} alone, or {', '.join(first)} "
+            f"or {last} followed by one of {', '.join(anatomy.legs)}, joined with '+'."
         )
     kind, equals, amount = kind.partition("=")
-    kinds = [*(LEG_KINDS if segment == "leg" else JOINT_KINDS), "weak", *(["short"] if segment == "tibia" else [])]
+    more = ["short"] if segment == anatomy.segments[-1] else []
+    kinds = [*(LEG_KINDS if segment == LEG else JOINT_KINDS), "weak", *more]
     if colon and kind not in kinds:
         raise ValueError(
             f"damage {name!r} has the unknown kind {kind!r} for {place}; accepted are {', '.join(map(_shown, kinds))}."
         )
-    return Loss(segment, leg, kind or "removed", _parse_amount(kind, amount if equals else None, part, name))
+    share = _parse_amount(kind, amount if equals else None, part, name)
+    return Loss(segment, leg, kind or "removed", share, anatomy.segments)
 
 
 def _shown(kind: str) -> str:

@@ -1,4 +1,7 @@
-"""The hexapod as a pure environment: reset and step of one robot, with its damage as a value."""
+"""A robot as a pure environment: reset and step of one, with its damage as a value.
+
+The PhantomX unless another `anatomy` is given; J are its joints, R the numbers of a `reading`.
+"""
 
 from typing import NamedTuple
 
@@ -9,14 +12,20 @@ from srl_jax.env import damage as damages
 from srl_jax.env import history as histories
 from srl_jax.env import physics, senses
 from srl_jax.env import task as tasks
+from srl_jax.env import variation as variations
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
-from srl_jax.env.interface import ACTION_SCALE, ACTION_SIZE, CONTROL_HZ, SUBSTEPS, reading_size
+from srl_jax.env.interface import ACTION_SCALE as ACTION_SCALE  # of the PhantomX, for its own tools
+from srl_jax.env.interface import ACTION_SIZE as ACTION_SIZE
+from srl_jax.env.interface import CONTROL_HZ, SUBSTEPS, reading_size
 from srl_jax.env.model import load_model, mjx, put_model, stance
 from srl_jax.env.senses import Senses
 from srl_jax.env.settings import TASKS, EnvConfig
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.stepper import State
+from srl_jax.env.variation import Variation
 
+VARIED = 1  # of a key at reset: how the robot differs from the model
 UPRIGHT = 0.3  # cosine of the tilt below which the robot has tipped over
 
 
@@ -25,23 +34,25 @@ class Hexapod(NamedTuple):
 
     model: mjx.Model
     data: mjx.Data  # a template: only positions, velocities and the solver's warm start vary
-    stance: jax.Array  # f32[25] standing pose
+    stance: jax.Array  # f32[J + 7] standing pose
     task: str
     config: EnvConfig
     clock_hz: float  # frequency of the observed gait clock
     star: Star | None = None  # what steps the physics; None: MJX
+    anatomy: Anatomy = PHANTOMX
 
 
 class EnvState(NamedTuple):
     """One robot between two control steps."""
 
-    qpos: jax.Array  # f32[25] torso position (m), quaternion, joint angles (rad)
-    qvel: jax.Array  # f32[24] torso linear (world) and angular (body) velocity, joint velocities (rad/s)
-    warmstart: jax.Array  # f32[24] accelerations the solver starts from
+    qpos: jax.Array  # f32[J + 7] torso position (m), quaternion, joint angles (rad)
+    qvel: jax.Array  # f32[J + 6] torso linear (world) and angular (body) velocity, joint velocities (rad/s)
+    warmstart: jax.Array  # f32[J + 6] accelerations the solver starts from
     phase: jax.Array  # f32[] gait clock in [0, 1)
     steps: jax.Array  # i32[] control steps since reset
     goal: jax.Array  # f32[2] m, p2p only
-    history: jax.Array | None = None  # f32[K, R + 18] of the last control steps, where the observation tells of them
+    history: jax.Array | None = None  # f32[K, R + J] of the last control steps, where the observation tells of them
+    variation: Variation | None = None  # how this robot differs from the model, where robots do
 
 
 class EnvStep(NamedTuple):
@@ -57,46 +68,54 @@ class EnvStep(NamedTuple):
     terms: tasks.RewardTerms
 
 
-def make(task: str, config: EnvConfig, clock_hz: float) -> Hexapod:
+def make(task: str, config: EnvConfig, clock_hz: float, anatomy: Anatomy = PHANTOMX) -> Hexapod:
     """The robot with its task, ready for `reset` and `step`.
 
     Raises:
-        ValueError: unknown task.
+        ValueError: unknown task, or the robot's MJCF is not as its anatomy says.
     """
     if task not in TASKS:
         raise ValueError(f"task is {task!r}: choose one of {', '.join(TASKS)}.")
-    c_model = load_model()
+    c_model = load_model(anatomy)
     model = put_model(c_model)
     pose = jnp.asarray(stance(c_model), jnp.float32)
-    return Hexapod(model, mjx.make_data(c_model), pose, task, config, clock_hz, physics.choose(config.physics))
+    star = physics.choose(config.physics, anatomy=anatomy)
+    return Hexapod(model, mjx.make_data(c_model), pose, task, config, clock_hz, star, anatomy)
 
 
 def reset(robot: Hexapod, damage: Damage, key: jax.Array) -> tuple[EnvState, jax.Array]:
     """A robot standing at the origin, its joints and clock perturbed, and its observation f32[O]."""
     joint_key, phase_key, goal_key = jax.random.split(key, 3)
-    noise = robot.config.start_noise * jax.random.uniform(joint_key, (ACTION_SIZE,), minval=-1.0)
+    noise = robot.config.start_noise * jax.random.uniform(joint_key, (robot.anatomy.action_size,), minval=-1.0)
     free = damage.dof_armature[6:] < damages.LOCK_ARMATURE  # a locked joint starts, and stays, where it locked
     state = EnvState(
         qpos=robot.stance.at[7:].set(jnp.where(free, robot.stance[7:] + noise, damage.qpos_spring[7:])),
-        qvel=jnp.zeros(24),
-        warmstart=jnp.zeros(24),
+        qvel=jnp.zeros(6 + robot.anatomy.action_size),
+        warmstart=jnp.zeros(6 + robot.anatomy.action_size),
         phase=jax.random.uniform(phase_key),
         steps=jnp.zeros((), jnp.int32),
         goal=tasks.sample_goal(robot.task, robot.config, goal_key),
-        history=histories.none(robot.config.history, robot.config.observation),
+        history=histories.none(robot.config.history, robot.config.observation, robot.anatomy),
+        variation=_drawn(robot, key),
     )
     return state, observe(robot, damage, state)
 
 
+def _drawn(robot: Hexapod, key: jax.Array) -> Variation | None:
+    ranges = variations.RANGES.get(robot.config.randomise)
+    return variations.draw(ranges, robot.stance[7:], jax.random.fold_in(key, VARIED)) if ranges else None
+
+
 def targets(robot: Hexapod, action: jax.Array) -> jax.Array:
-    """Joint position targets (rad) of an action in [-1, 1]: f32[18]."""
-    return robot.stance[7:] + jnp.tile(jnp.array(ACTION_SCALE), 6) * action
+    """Joint position targets (rad) of an action in [-1, 1]: f32[J]."""
+    return robot.stance[7:] + jnp.tile(jnp.array(robot.anatomy.action_scale), len(robot.anatomy.legs)) * action
 
 
 def simulate(robot: Hexapod, damage: Damage, state: EnvState, control: jax.Array) -> EnvState:
-    """One control period of physics under constant position targets f32[18]; clock and counters are left alone."""
-    start = State(state.qpos, state.qvel, state.warmstart)
-    end = physics.simulate(robot.star, robot.model, robot.data, damage, start, control, SUBSTEPS)
+    """One control period of physics under constant position targets f32[J]; clock and counters are left alone."""
+    start, own = State(state.qpos, state.qvel, state.warmstart), state.variation
+    damage, ground = (variations.body(damage, own), own.ground) if own else (damage, None)
+    end = physics.simulate(robot.star, robot.model, robot.data, damage, start, control, SUBSTEPS, ground)
     return state._replace(qpos=end.qpos, qvel=end.qvel, warmstart=end.warmstart)
 
 
@@ -107,12 +126,17 @@ def step(robot: Hexapod, damage: Damage, state: EnvState, action: jax.Array) -> 
         robot: from `make`.
         damage: unbatched values.
         state: before the step.
-        action: f32[18] in [-1, 1].
+        action: f32[J] in [-1, 1].
 
     Returns:
         The reached state and what it earned.
     """
-    after = simulate(robot, damage, state, targets(robot, action))
+    control, begun = targets(robot, action), state
+    if state.variation:
+        own = variations.sent(state.variation, state.steps, control)
+        qvel = state.qvel.at[:3].set(variations.pushed(own, state.steps, state.qvel[:3]))
+        control, begun = own.held, state._replace(qvel=qvel, variation=own)
+    after = simulate(robot, damage, begun, control)
     return advance(robot, damage, state, after, action)
 
 
@@ -157,7 +181,7 @@ def rotation(quaternion: jax.Array) -> jax.Array:
 
 
 def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
-    """What the robot's sensors say, without noise.
+    """What is there to be sensed, without noise.
 
     Encoders of removed links are silent and read 0, whatever the simulation's ghosts do.
     """
@@ -172,7 +196,7 @@ def feel(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
         speeds=jnp.where(present, state.qvel[6:], 0.0),
         answering=present,
         gyroscope=state.qvel[3:6],
-        gravity=-frame[2],
+        gravity=state.variation.ground.down @ frame if state.variation else -frame[2],
         towards=jnp.stack([ahead, left]),
         distance=-tasks.distance("p2p", position, state.goal),
         come=tasks.distance(robot.task, position, state.goal),
@@ -183,7 +207,7 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """The observation f32[O], see `senses.observation`."""
     velocity = _velocity(state)
     return senses.observation(
-        feel(robot, damage, state),
+        _told(robot, damage, state),
         state.phase,
         task=robot.task,
         kind=robot.config.observation,
@@ -195,7 +219,13 @@ def observe(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
 def sensed(robot: Hexapod, damage: Damage, state: EnvState) -> jax.Array:
     """What of the observation is sensed of the body, f32[R], see `senses.reading`."""
     beyond = senses.Beyond(_velocity(state), state.qpos[2])
-    return senses.reading(feel(robot, damage, state), kind=robot.config.observation, beyond=beyond)
+    return senses.reading(_told(robot, damage, state), kind=robot.config.observation, beyond=beyond)
+
+
+def _told(robot: Hexapod, damage: Damage, state: EnvState) -> Senses:
+    """What the robot's sensors say of it."""
+    felt = feel(robot, damage, state)
+    return variations.read(state.variation, state.steps, felt) if state.variation else felt
 
 
 def _velocity(state: EnvState) -> jax.Array:
@@ -203,12 +233,15 @@ def _velocity(state: EnvState) -> jax.Array:
     return jnp.matmul(rotation(state.qpos[3:7]).T, state.qvel[:3], precision="highest")
 
 
-def observation_size(task: str, config: EnvConfig) -> int:
+def observation_size(task: str, config: EnvConfig, anatomy: Anatomy = PHANTOMX) -> int:
     """O for a task, kind of observation and history."""
-    now = 4 + (task == "p2p") + reading_size(config.observation)
-    return now + config.history * histories.row_size(config.observation)
+    now = 4 + (task == "p2p") + reading_size(config.observation, anatomy)
+    return now + config.history * histories.row_size(config.observation, anatomy)
 
 
-def state_size(config: EnvConfig) -> int:
+def state_size(config: EnvConfig, anatomy: Anatomy = PHANTOMX) -> int:
     """Numbers of an `EnvState`."""
-    return 25 + 24 + 24 + 1 + 1 + 2 + config.history * histories.row_size(config.observation)
+    degrees = 6 + anatomy.action_size
+    varied = variations.size(anatomy.action_size) if config.randomise != "none" else 0
+    history = config.history * histories.row_size(config.observation, anatomy)
+    return 1 + 3 * degrees + 1 + 1 + 2 + history + varied

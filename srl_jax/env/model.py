@@ -1,4 +1,4 @@
-"""The PhantomX model: where its MJCF lies and how it is loaded.
+"""A robot's model: where its MJCF lies, how it is loaded, and what it must have.
 
 This is the one module that imports MJX; others write ``from srl_jax.env.model import mjx``.
 """
@@ -12,13 +12,15 @@ import jax
 import mujoco
 import numpy as np
 
-from srl_jax.env.anatomy import LEGS
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
+from srl_jax.env.interface import CONTROL_HZ, SUBSTEPS
 
 # MJX announces on stdout, where results go, that its optional Warp backend is missing.
 with contextlib.redirect_stdout(io.StringIO()):
     from mujoco import mjx
 
 __all__ = [
+    "check",
     "feet",
     "forward",
     "load_model",
@@ -31,33 +33,116 @@ __all__ = [
     "xml_text",
 ]
 
+LINKS = (0.004, 9.0)  # kg of a link: `damage.PRESENT` tells one, a shortened one too, from the ghost of another
 
-def xml_path() -> Path:
-    """Path of ``phantomx.xml``, in the checkout or in the installed wheel.
+
+def xml_path(anatomy: Anatomy = PHANTOMX) -> Path:
+    """Path of a robot's MJCF: where its anatomy says, or in ``xml/`` of the checkout or of the installed wheel.
 
     Raises:
-        FileNotFoundError: if the file is in neither place.
+        ValueError: the file is in none of these places.
     """
     package = Path(__file__).resolve().parents[1]
-    for folder in (package.parent / "xml", package / "xml"):
-        if (path := folder / "phantomx.xml").is_file():
+    places = dict.fromkeys(folder / anatomy.mjcf for folder in (package.parent / "xml", package / "xml"))
+    for path in places:
+        if path.is_file():
             return path
-    raise FileNotFoundError(f"phantomx.xml is neither in {package.parent / 'xml'} nor in {package / 'xml'}.")
+    raise ValueError(f"robot {anatomy.name!r} has no MJCF: there is no {' and no '.join(map(str, places))}.")
 
 
-def xml_text() -> str:
+def xml_text(anatomy: Anatomy = PHANTOMX) -> str:
     """The healthy robot's MJCF."""
-    return xml_path().read_text()
+    return xml_path(anatomy).read_text()
 
 
-def load_spec() -> mujoco.MjSpec:
+def load_spec(anatomy: Anatomy = PHANTOMX) -> mujoco.MjSpec:
     """A fresh, editable specification of the healthy robot."""
-    return mujoco.MjSpec.from_file(str(xml_path()))
+    return mujoco.MjSpec.from_file(str(xml_path(anatomy)))
 
 
-def load_model() -> mujoco.MjModel:
-    """A fresh C MuJoCo model of the healthy robot: nq 25, nv 24, nu 18, bodies torso + 18 links."""
-    return mujoco.MjModel.from_xml_path(str(xml_path()))
+def load_model(anatomy: Anatomy = PHANTOMX) -> mujoco.MjModel:
+    """A fresh C MuJoCo model of the healthy robot with J joints: nq J + 7, nv J + 6, nu J, bodies torso + J links.
+
+    Raises:
+        ValueError: the MJCF is not as the anatomy says; one sentence names the first part that is missing or otherwise.
+    """
+    path = xml_path(anatomy)
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ValueError(f"{path} is no MJCF: {' '.join(str(error).split())}.") from error
+    check(model, anatomy)
+    return model
+
+
+def check(model: mujoco.MjModel, anatomy: Anatomy) -> None:
+    """Raises ValueError with the first thing in a model that is not as its anatomy says.
+
+    Damage, observations and actions find their parts by place, so all of them stand in the order of the anatomy: body
+    ``torso`` first, on a free joint; then for every joint, and in that order, a body, a hinge and an actuator of its
+    name. Every leg has a sphere ``foot_<leg>`` on its last link, and only spheres of links touch, since a lost one is
+    told by its radius not to. There is a keyframe ``stance``, a camera ``track`` and a light for the videos.
+    """
+    for reason in _lacks(model, anatomy):
+        raise ValueError(f"{anatomy.mjcf} is not robot {anatomy.name!r}: {reason}.")
+
+
+def _lacks(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:
+    links, free, hinge = list(anatomy.joints), mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+    for kind, count, wanted in (
+        ("body", model.nbody, ["world", "torso", *links]),
+        ("joint", model.njnt, [None, *links]),
+        ("actuator", model.nu, links),
+    ):
+        names = [getattr(model, kind)(index).name for index in range(count)]
+        for index, name in enumerate(wanted):
+            found = names[index] if index < count else ""
+            if name not in (None, found):
+                yield f"its {kind} {index} must be {name!r}" + f", not {found!r}" * bool(found)
+        if count > len(wanted):
+            yield f"it has the {kind} {names[len(wanted)]!r} too many"
+    if model.jnt_type[0] != free or any(model.jnt_type[1:] != hinge):
+        yield "its first joint must be free and all others hinges"
+    if list(model.actuator_trnid[:, 0]) != list(range(1, model.njnt)):
+        yield "every actuator must drive the joint of its name"
+    yield from _lacks_links(model, anatomy)
+    if abs(model.opt.timestep * CONTROL_HZ * SUBSTEPS - 1.0) > 1e-6:
+        yield f"its timestep is {model.opt.timestep:g} s and must be {1.0 / (CONTROL_HZ * SUBSTEPS):.16g}"
+    yield from _lacks_named(model, anatomy)
+
+
+def _lacks_links(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:
+    links = anatomy.joints
+    for index, name in enumerate(links):
+        parent = "torso" if name.startswith(f"{anatomy.segments[0]}_") else links[index - 1]
+        if model.body(model.body_parentid[index + 2]).name != parent:
+            yield f"its body {name!r} must hang on {parent!r}"
+        if model.jnt_bodyid[index + 1] != index + 2:
+            yield f"its joint {name!r} must move the body of its name"
+    for name, mass in zip(links, model.body_mass[2:], strict=True):
+        if not LINKS[0] <= mass <= LINKS[1]:
+            yield f"its link {name!r} weighs {mass:g} kg; from {LINKS[0]:g} to {LINKS[1]:g} are accepted"
+    for geom in np.flatnonzero((model.geom_bodyid > 1) & (model.geom_contype | model.geom_conaffinity > 0)):
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_SPHERE or not model.geom_contype[geom]:
+            body = model.body(model.geom_bodyid[geom]).name
+            yield f"its link {body!r} may touch by what is no sphere with a contype, and no damage takes that off"
+
+
+def _lacks_named(model: mujoco.MjModel, anatomy: Anatomy) -> Iterator[str]:
+    for kind, names in (
+        ("GEOM", [f"foot_{leg}" for leg in anatomy.legs]),
+        ("KEY", ["stance"]),
+        ("CAMERA", ["track"]),
+    ):
+        for name in names:
+            if mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), name) < 0:
+                yield f"it has no {kind.lower()} {name!r}"
+    if not model.nlight:
+        yield "it has no light"
+    for leg in anatomy.legs:
+        foot = model.geom(f"foot_{leg}")
+        if foot.type[0] != mujoco.mjtGeom.mjGEOM_SPHERE or model.body(foot.bodyid[0]).name != anatomy.last_link(leg):
+            yield f"its geom 'foot_{leg}' must be a sphere of the body {anatomy.last_link(leg)!r}"
 
 
 def put_model(model: mujoco.MjModel) -> mjx.Model:
@@ -75,9 +160,9 @@ def stance(model: mujoco.MjModel) -> np.ndarray:
     return model.key("stance").qpos.copy()
 
 
-def feet(model: mujoco.MjModel) -> np.ndarray:
-    """Ids of the six foot spheres in ``LEGS`` order: i[6]."""
-    return np.array([model.geom(f"foot_{leg}").id for leg in LEGS])
+def feet(model: mujoco.MjModel, anatomy: Anatomy = PHANTOMX) -> np.ndarray:
+    """Ids of the foot spheres in the order of legs: i[L]."""
+    return np.array([model.geom(f"foot_{leg}").id for leg in anatomy.legs])
 
 
 def step(model: mjx.Model, data: mjx.Data) -> mjx.Data:

@@ -7,10 +7,12 @@ import jax
 import jax.numpy as jnp
 
 from srl_jax.env import damage as damages
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
 from srl_jax.env.model import load_model, mjx, put_model
 from srl_jax.env.model import step as mjx_step
 from srl_jax.env.star import batching
+from srl_jax.env.star.body import Ground
 from srl_jax.env.star.constants import Star, read
 from srl_jax.env.star.refusals import NotAStarError
 from srl_jax.env.star.stepper import State
@@ -19,17 +21,21 @@ TRIAL = 4_096  # robots by which the steppers are compared
 CHOICES = ("auto", "star", "mjx")
 
 
-@cache
-def shipped_star() -> Star:
-    """The shipped robot as the star stepper knows it; one object, so that programs compiled for it are found again.
+def shipped_star(anatomy: Anatomy = PHANTOMX) -> Star:
+    """A robot as the star stepper knows it; one object, so that programs compiled for it are found again.
 
     Raises:
-        NotAStarError: its description was changed to what the stepper cannot represent; the message names the part.
+        NotAStarError: its description is of what the stepper cannot represent; the message names the part.
     """
-    return read(put_model(load_model()))
+    return _star(anatomy)
 
 
-def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
+@cache
+def _star(anatomy: Anatomy) -> Star:
+    return read(put_model(load_model(anatomy)))
+
+
+def choose(physics: str, model: mjx.Model | None = None, anatomy: Anatomy = PHANTOMX) -> Star | None:
     """The stepper that a setting stands for: the star stepper's constants, or None for MJX.
 
     ``auto`` is MJX where the model is no star; else ``star`` on a CPU, and on an accelerator the faster of both, which
@@ -37,7 +43,8 @@ def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
 
     Args:
         physics: auto, star or mjx.
-        model: of another robot than the shipped one. Programs are compiled for the object that is returned: keep it.
+        model: of another robot than `anatomy`'s. Programs are compiled for the object that is returned: keep it.
+        anatomy: the robot, where there is no `model`.
 
     Raises:
         ValueError: another word.
@@ -48,19 +55,19 @@ def choose(physics: str, model: mjx.Model | None = None) -> Star | None:
     if physics == "mjx":
         return None
     try:
-        star = shipped_star() if model is None else read(model)
+        star = shipped_star(anatomy) if model is None else read(model)
     except NotAStarError:
         if physics == "star":
             raise
         return None
     if physics == "star" or jax.default_backend() == "cpu":
         return star
-    return _faster_for_shipped() if model is None else faster(star, model)
+    return _faster_for_shipped(anatomy) if model is None else faster(star, model)
 
 
 @cache
-def _faster_for_shipped() -> Star | None:
-    return faster(shipped_star(), put_model(load_model()))
+def _faster_for_shipped(anatomy: Anatomy) -> Star | None:
+    return faster(shipped_star(anatomy), put_model(load_model(anatomy)))
 
 
 def faster(star: Star, model: mjx.Model) -> Star | None:
@@ -85,7 +92,14 @@ def time_step(star: Star | None, model: mjx.Model, robots: int = TRIAL, repeats:
 
 
 def simulate(
-    star: Star | None, model: mjx.Model, data: mjx.Data, damage: Damage, state: State, control: jax.Array, count: int
+    star: Star | None,
+    model: mjx.Model,
+    data: mjx.Data,
+    damage: Damage,
+    state: State,
+    control: jax.Array,
+    count: int,
+    ground: Ground | None = None,
 ) -> State:
     """`count` physics steps of one robot under constant position targets f32[nu] (rad); made for `vmap`.
 
@@ -97,15 +111,25 @@ def simulate(
         state: before the steps.
         control: the targets.
         count: steps.
+        ground: that it stands on, where it is not the model's.
     """
     if star is not None:
-        return batching.simulate(star, damage, control, state, count)
-    return simulate_mjx(model, data, damage, state, control, count)
+        return batching.simulate(star, damage, control, state, count, ground)
+    return simulate_mjx(_on(model, ground), data, damage, state, control, count)
 
 
 def together(star: Star | None, wanted: int) -> int:
     """Robots to step at once on a CPU: `wanted` by MJX, all (0) by the star stepper, which makes its own blocks."""
     return wanted if star is None else 0
+
+
+def _on(model: mjx.Model, ground: Ground | None) -> mjx.Model:
+    """The model on another floor: of two geoms that touch the larger friction holds, so it is the share of both."""
+    if ground is None:
+        return model
+    gravity = jnp.linalg.norm(model.opt.gravity) * ground.down
+    friction = model.geom_friction.at[:, 0].multiply(ground.friction)
+    return model.replace(geom_friction=friction, opt=model.opt.replace(gravity=gravity))
 
 
 def simulate_mjx(

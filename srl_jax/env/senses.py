@@ -11,7 +11,7 @@ from srl_jax.env.anatomy import JOINTS
 if TYPE_CHECKING:
     import jax
 
-SIZE = len(JOINTS) + 6  # of what is felt
+SIZE = len(JOINTS) + 6  # of what the PhantomX feels
 ANGLES, GYROSCOPE, GRAVITY = slice(0, len(JOINTS)), slice(len(JOINTS), len(JOINTS) + 3), slice(len(JOINTS) + 3, SIZE)
 IMU = slice(GYROSCOPE.start, SIZE)  # what is left of the senses without joint encoders
 # One standard deviation: encoders of hobby servos (rad) and their speeds (rad/s), a MEMS gyroscope (rad/s), and its
@@ -26,9 +26,9 @@ Array: TypeAlias = "jax.Array | np.ndarray"
 class Senses(NamedTuple):
     """One control step's readings: encoders, an inertial unit, and where the task is; no base velocity, no height."""
 
-    joints: Array  # f32[18] rad about the stance; 0 where the servo does not answer
-    speeds: Array  # f32[18] rad/s; 0 where the servo does not answer
-    answering: Array  # bool[18] whose servos answer
+    joints: Array  # f32[J] rad about the stance; 0 where the servo does not answer
+    speeds: Array  # f32[J] rad/s; 0 where the servo does not answer
+    answering: Array  # bool[J] whose servos answer
     gyroscope: Array  # f32[3] rad/s, body frame
     gravity: Array  # f32[3] direction of gravity in the body frame
     towards: Array  # f32[2] unit vector in the body's plane, ahead and left, that the task rewards going along
@@ -51,7 +51,7 @@ def _jax_numpy() -> ModuleType:
 
 
 def felt(senses: Senses) -> "jax.Array":
-    """What a model of the robot must explain, f32[..., 24]: joint angles, gyroscope, gravity."""
+    """What a model of the robot must explain, f32[..., J + 6]: joint angles, gyroscope, gravity."""
     return _jax_numpy().concatenate([senses.joints, senses.gyroscope, senses.gravity], axis=-1)
 
 
@@ -76,7 +76,7 @@ def observation(
         task: x, xy or p2p.
         kind: onboard, rates or full.
         beyond: for `full`.
-        history: f32[K, R + 18], see `env.history`.
+        history: f32[K, R + J], see `env.history`.
         xp: NumPy, where there is no jax, and its arrays are returned; None: jax.numpy.
 
     Raises:
@@ -96,8 +96,8 @@ def observation(
 def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None) -> "jax.Array":
     """What of the observation is sensed of the body, f32[R].
 
-    Gravity in the body frame (3) and joint angles about the stance (18). `rates` adds the gyroscope (3) and joint
-    velocities (18); `full` base velocity (3, before them) and height (1, last) too. Arguments and errors as
+    Gravity in the body frame (3) and joint angles about the stance (J). `rates` adds the gyroscope (3) and joint
+    velocities (J); `full` base velocity (3, before them) and height (1, last) too. Arguments and errors as
     `observation`.
     """
     return _jax_numpy().concatenate(_reading(senses, kind, beyond))

@@ -1,7 +1,7 @@
 """The settings of the task around the robot. Imports no jax, so that ``--help`` answers at once."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args, get_type_hints
 
 TASKS = ("x", "xy", "p2p")
 
@@ -23,6 +23,9 @@ class EnvConfig:
     history: int = 0
     """Control steps that the observation also tells of: what was sensed and done in them, oldest first; zeros before
     the robot was there."""
+    randomise: Literal["none", "mild", "wide"] = "none"
+    """How much robots differ from the model, drawn anew at every reset: masses, floor, servos, latency, sensors, lost
+    packets, pushes, slope."""
     goal_ring: tuple[float, float] = (1.5, 1.9)
     """p2p: the goal is drawn uniformly in angle and radius from this ring about the start."""
     goal_radius: float = 0.15
@@ -42,3 +45,20 @@ class EnvConfig:
     """Reward for reaching the goal of p2p."""
     fall_penalty: float = 1.0
     """Reward lost on tipping over, which ends the episode."""
+
+    def check(self) -> None:
+        """Raises ValueError for words that name nothing and numbers that make no task."""
+        for name, kind in get_type_hints(EnvConfig).items():
+            if (words := get_args(kind)) and isinstance(words[0], str) and getattr(self, name) not in words:
+                raise ValueError(f"env.{name} is {getattr(self, name)!r}: choose one of {', '.join(words)}.")
+        if self.episode_steps < 1:
+            raise ValueError(f"env.episode_steps is {self.episode_steps}: it must be at least 1.")
+        if self.history < 0:
+            raise ValueError(f"env.history is {self.history}: it must not be negative.")
+        if not 0.0 <= self.stride_starts <= 1.0:
+            raise ValueError(f"env.stride_starts is {self.stride_starts}: it must lie between 0 and 1.")
+        low, high = self.goal_ring
+        if not self.goal_radius < low <= high:
+            raise ValueError(
+                f"env.goal_ring is {self.goal_ring}: it must rise and lie beyond env.goal_radius={self.goal_radius}."
+            )

@@ -73,7 +73,7 @@ def reward_terms(
     Args:
         config: weights.
         progress: f32[] metres come closer in this step.
-        action: f32[18].
+        action: f32[J].
         success: bool[].
         fell: bool[].
         goal_task: whether success earns the bonus under the dense reward.

@@ -13,6 +13,7 @@ from srl_jax.atlas.file import Atlas
 from srl_jax.env import damage as damages
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
+from srl_jax.env.anatomy import PHANTOMX
 from srl_jax.job import students
 
 WALKS, STEPS = 4, 100  # of every pair of policy and damage; control steps that count
@@ -28,9 +29,12 @@ def from_run(directory: Path, out: Path, *, command: str = "") -> Atlas:
         command: that makes it again, for the record.
 
     Raises:
-        ValueError: the run has no healthy lane, sees what no robot senses or a history, or is not finished.
+        ValueError: the run has no healthy lane, sees what no robot senses or a history, is not finished, or is of
+            another robot than the PhantomX.
     """
     run = students.open_run(directory)
+    if run.robot.anatomy != PHANTOMX:
+        raise ValueError(f"{directory} was trained with robot={run.config.robot}: an atlas is the {PHANTOMX.name}'s.")
     lanes = [lane for algo in run.algos[:1] for lane in run.lanes_of(algo)]
     names = tuple(dict.fromkeys([damage_names.HEALTHY, *(lane.damage for lane in lanes)]))
     if not any(lane.damage == damage_names.HEALTHY for lane in lanes):

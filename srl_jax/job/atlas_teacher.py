@@ -5,6 +5,7 @@ import numpy as np
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.file import Atlas
 from srl_jax.config import Config
+from srl_jax.env.anatomy import PHANTOMX
 
 KINDS = ("atlas", "atlas-others")  # the best policy; the best that was not trained for this very damage
 
@@ -18,8 +19,11 @@ def load(name: str, config: Config) -> Atlas:
     """The atlas that a teacher's name asks for.
 
     Raises:
-        ValueError: it cannot be read, was made for another task or observation, or a lane has more than one damage.
+        ValueError: it cannot be read, was made for another robot, task or observation, or a lane has more than one
+            damage.
     """
+    if config.anatomy != PHANTOMX:
+        raise ValueError(f"robot is {config.robot!r}: atlases are the {PHANTOMX.name}'s; choose another behaviour.")
     atlas = file.load(name.partition(":")[2])
     for field, mine in (("task", config.task), ("observation", config.env.observation)):
         if atlas.about[field] != mine:

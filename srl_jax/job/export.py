@@ -4,6 +4,7 @@ from pathlib import Path
 
 from srl_jax import machine
 from srl_jax.agents.settings import ActorConfig
+from srl_jax.env import damage_names
 from srl_jax.env.interface import facts
 from srl_jax.job import command
 from srl_jax.job.students import Run, open_run
@@ -21,12 +22,13 @@ def from_run(
         directory: of the run.
         seed: only lanes of this seed; None: all.
         algos: only these algorithms; none: all that learn a network.
-        damages: only what was learned for these, as `damage_names.canonical`; none: all.
+        damages: only what was learned for these; none: all.
 
     Raises:
         ValueError: the run is not finished, lacks an algorithm, the seed or a damage, or learns no network.
     """
     run = open_run(directory)
+    damages = tuple(damage_names.canonical(damage, run.robot.anatomy) for damage in damages)
     learned = tuple(algo for algo in run.algos if isinstance(run.config.agent(algo), ActorConfig))
     for algo in algos:
         if algo in run.algos and algo not in learned:
@@ -46,7 +48,7 @@ def _student(run: Run, lane: Lane) -> Policy:
     env = run.config.env
     damage = lane.damage if run.config.damage_mix else run.damage(lane)
     made = {"algo": lane.algo, "method": lane.method, "damage": damage, "seed": lane.seed}
-    needed = facts(run.config.task, env.observation, run.robot.clock_hz, env.history)
+    needed = facts(run.config.task, env.observation, run.robot.clock_hz, env.history, run.robot.anatomy)
     origin = {"steps": run.config.steps, "command": command.again(run.config), "versions": machine.versions()}
     about = made | needed | origin
     return Policy(layers(run.learned(lane)["actor"]), about)

@@ -105,16 +105,16 @@ class Loop:
         self.show("evaluating pi_B", 0)
         healthy = healthy._replace(prior=self.lanes.prior)
         state, pi_b = self.measure(state, healthy, TEACHER())
-        state, common = (state, pi_b) if self.follows_the_tripod else self.measure(state, healthy, REFERENCE())
+        state, common = (state, pi_b) if self.follows_the_reference else self.measure(state, healthy, REFERENCE())
         if self.stopped():
             return None
         self.metrics.write([*self.rows(0, "healthy", pi_b), *self.rows(0, "reference", common)])
         return state, tally
 
     @property
-    def follows_the_tripod(self) -> bool:
-        """Whether pi_B is the tuned tripod itself, so that its measurement is the common reference too."""
-        return self.teachers[0].apply is gaits.act
+    def follows_the_reference(self) -> bool:
+        """Whether pi_B is the tuned gait itself, so that its measurement is the common reference too."""
+        return self.teachers[0].apply is gaits.walker(self.program.robot.anatomy)
 
     def due(self, keeper, state: TrainState, tally: Tally) -> tuple[TrainState, Tally]:
         """What is to be done at the present step before training goes on; nothing of it where the run is stopped."""

@@ -12,14 +12,15 @@ from srl_jax.agents.settings import DDPGConfig
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.config import Config
 from srl_jax.env import damage as damages
+from srl_jax.env.anatomy import Anatomy
 from srl_jax.env.damage_names import HEALTHY
-from srl_jax.env.hexapod import ACTION_SIZE, observation_size, state_size
+from srl_jax.env.hexapod import observation_size, state_size
 from srl_jax.job.plan import parse_mix
 from srl_jax.program import replay as replays
 from srl_jax.program import strides
 from srl_jax.program.lanes import Lane, lay_out
 from srl_jax.program.replay import Sizes
-from srl_jax.program.state import tuned_tripod
+from srl_jax.program.state import tuned_gait
 
 BASE = 2**30  # the process with its libraries and programs
 
@@ -54,27 +55,31 @@ def needed(config: Config, lanes: Sequence[Lane], devices: int) -> Bytes:
 
 def replay_bytes(config: Config, capacity: int) -> int:
     """Bytes of one lane's replay of so many transitions."""
-    size = observation_size(config.task, config.env)
-    return replays.size(capacity, config.train.environments, Sizes(size, ACTION_SIZE, config.env.episode_steps))
+    sizes = Sizes(_observed(config), config.anatomy.action_size, config.env.episode_steps)
+    return replays.size(capacity, config.train.environments, sizes)
+
+
+def _observed(config: Config) -> int:
+    return observation_size(config.task, config.env, config.anatomy)
 
 
 def mix_bytes(config: Config) -> int:
     """Bytes of one lane's mix of damages, and of the robots in mid-stride that episodes start from; 0 without a mix."""
-    own = sum(leaf.nbytes for leaf in damages.build(HEALTHY))
-    starts = strides.COUNT * 4 * state_size(config.env) if config.env.stride_starts else 0
+    own = sum(leaf.nbytes for leaf in damages.build(HEALTHY, config.anatomy))
+    starts = strides.COUNT * 4 * state_size(config.env, config.anatomy) if config.env.stride_starts else 0
     return len(parse_mix(config)) * (own + starts)
 
 
 def agent_bytes(config: Config, algo: str) -> int:
     """Bytes of one lane's agent, optimisers included, without allocating it."""
-    shapes = _shapes(config.agent(algo), observation_size(config.task, config.env))
+    shapes = _shapes(config.agent(algo), _observed(config), config.anatomy)
     return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(shapes))
 
 
 @cache
-def _shapes(settings: AgentSettings, size: int) -> Any:
-    agent = registry.agent(settings)
-    return jax.eval_shape(lambda key: agent.init(key, size, ACTION_SIZE, teachers=(tuned_tripod(),)), jax.random.key(0))
+def _shapes(settings: AgentSettings, size: int, anatomy: Anatomy) -> Any:
+    agent, teachers = registry.agent(settings), (tuned_gait(anatomy),)
+    return jax.eval_shape(lambda key: agent.init(key, size, anatomy.action_size, teachers=teachers), jax.random.key(0))
 
 
 def waves(config: Config, lanes: Sequence[Lane], devices: int) -> list[list[Lane]]:
@@ -119,7 +124,7 @@ def operations(config: Config, lanes: Mapping[str, int]) -> float:
         settings, agent = config.agent(algo), registry.agent(config.agent(algo))
         if not agent.replays or agent.network is None:
             continue
-        shapes = _shapes(settings, observation_size(config.task, config.env))
+        shapes = _shapes(settings, _observed(config), config.anatomy)
         actor, critic = (sum(x.size for x in jax.tree.leaves(part)) for part in (shapes.actor, shapes.critic))
         steps = settings.critic_updates if isinstance(settings, DDPGConfig) else 1
         # Forward 2 operations a parameter and sample, backward 4; the critic's target, its step, then the actor's step.

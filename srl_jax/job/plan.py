@@ -95,12 +95,14 @@ def parse_damages(config: Config) -> tuple[str, ...]:
         return (MIX,)
     if config.damage_schedule:
         return (">".join(f"{name}@{start}" for start, name in parse_schedule(config)),)
-    return damage_names.parse_names(config.damage, config.task)
+    return damage_names.parse_names(config.damage, config.task, config.anatomy)
 
 
 def parse_mix(config: Config) -> tuple[str, ...]:
     """The damages that the robots of every lane draw from; none where each lane has one damage."""
-    return damage_names.parse_names(config.damage_mix, config.task) if config.damage_mix else ()
+    if not config.damage_mix:
+        return ()
+    return damage_names.parse_names(config.damage_mix, config.task, config.anatomy)
 
 
 def parse_part(text: str) -> tuple[int, int]:
@@ -143,7 +145,7 @@ def parse_schedule(config: Config) -> tuple[tuple[int, str | None], ...]:
         name, _, step = part.strip().partition("@")
         if not step.isdigit():
             raise ValueError(f"damage_schedule has {part!r}: write name@step, such as tibia_rm@20000.")
-        stages.append((int(step), damage_names.canonical(name)))
+        stages.append((int(step), damage_names.canonical(name, config.anatomy)))
     starts = [start for start, _ in stages]
     if starts[0] != 0 or starts != sorted(set(starts)) or starts[-1] >= config.steps:
         raise ValueError(f"damage_schedule starts at {starts}: begin at 0, rise, and end below steps={config.steps}.")
@@ -165,11 +167,11 @@ def check(config: Config) -> None:
 
 def check_numbers(config: Config) -> None:
     """Raises ValueError for numbers of the run that do not fit each other."""
-    train, env = config.train, config.env
+    train = config.train
+    config.env.check()
     positive = {
         "train.environments": train.environments,
         "steps": config.steps,
-        "env.episode_steps": env.episode_steps,
         "evaluation.episodes": config.evaluation.episodes,
         "train.evaluate_every": train.evaluate_every,
         "train.update_every": train.update_every,
@@ -190,15 +192,6 @@ def check_numbers(config: Config) -> None:
             raise ValueError(f"{name} is {value}: it must be a positive multiple of {of}={unit}.")
     if train.capacity < train.prior_steps:
         raise ValueError(f"train.capacity is {train.capacity}: it must hold train.prior_steps={train.prior_steps}.")
-    if env.history < 0:
-        raise ValueError(f"env.history is {env.history}: it must not be negative.")
-    if not 0.0 <= env.stride_starts <= 1.0:
-        raise ValueError(f"env.stride_starts is {env.stride_starts}: it must lie between 0 and 1.")
-    low, high = env.goal_ring
-    if not env.goal_radius < low <= high:
-        raise ValueError(
-            f"env.goal_ring is {env.goal_ring}: it must rise and lie beyond env.goal_radius={env.goal_radius}."
-        )
 
 
 def check_algorithm(algo: str, config: Config) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from srl_jax.config import Config
+from srl_jax.env.model import load_model
 from srl_jax.job import checkpoint, files, memory, page, tables, teachers
 from srl_jax.job import plan as plans
 from srl_jax.job.loop import Loop
@@ -48,6 +49,7 @@ def run(
     plan = plans.make(config)
     waves = memory.waves(config, plan.lanes, devices)
     teachers.check(config)
+    load_model(config.anatomy)  # which says what its description lacks, while nothing is written yet
     if not resume:
         directory = files.claim(directory, exact=exact)
     with files.in_use(directory):

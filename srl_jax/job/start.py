@@ -12,7 +12,6 @@ from srl_jax.agents import behaviour, registry
 from srl_jax.blocks import blocked_map
 from srl_jax.config import Config
 from srl_jax.env import hexapod
-from srl_jax.env.hexapod import ACTION_SIZE
 from srl_jax.job import plan
 from srl_jax.job.teachers import Behaviour
 from srl_jax.program import replay as replays
@@ -32,7 +31,7 @@ def make_program(config: Config, layout: Layout, teachers: Sequence[Behaviour]) 
     return Program(
         agents={algo: registry.agent(config.agent(algo)) for algo in layout.algos},
         layout=layout,
-        robot=hexapod.make(config.task, config.env, teachers[0].clock_hz),
+        robot=hexapod.make(config.task, config.env, teachers[0].clock_hz, config.anatomy),
         teachers=tuple(teacher.apply for teacher in teachers),
         settings=config.train,
         mesh=mesh,
@@ -56,7 +55,7 @@ def init_agents(program: Program, lanes: LaneData) -> dict[str, Any]:
 
         def init(key: jax.Array, params: tuple, algo=algo):
             teachers = bind_teachers(program, algo, params)
-            return program.agents[algo].init(key, program.observation_size, ACTION_SIZE, teachers=teachers)
+            return program.agents[algo].init(key, program.observation_size, program.action_size, teachers=teachers)
 
         index = program.layout.rows_of[algo]
         teachers = jax.tree.map(lambda x, index=index: x[index], lanes.teachers)
@@ -136,7 +135,8 @@ def start_actor(program: Program, algo: str, agents: Any, seen: jax.Array, lanes
         params, observations, key = args
         teacher = bind_teachers(program, algo, params)[0]
         updates = program.settings.clone_updates
-        return behaviour.clone(teacher, observations, key, config=network, updates=updates, action_size=ACTION_SIZE)[0]
+        size = program.action_size
+        return behaviour.clone(teacher, observations, key, config=network, updates=updates, action_size=size)[0]
 
     keys = lane_keys(program.layout.of(algo), "clone")
     block = 0 if program.wide else program.settings.update_block

@@ -16,6 +16,7 @@ from srl_jax.agents.sweep import first_values
 from srl_jax.config import Config
 from srl_jax.env import damage_names
 from srl_jax.env import gait as gaits
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.job import atlas_teacher, checkpoint, files
 from srl_jax.job.plan import make, parse_algos, parse_teachers
 from srl_jax.program.lanes import Lane
@@ -36,15 +37,15 @@ class Behaviour:
     architecture: Any = None  # of actors that can start from its parameters; None: from a clone
 
 
-def scripted_gait() -> Behaviour:
-    """The tuned tripod gait as pi_B, the same for every lane."""
-    gait = gaits.load()
+def scripted_gait(anatomy: Anatomy = PHANTOMX) -> Behaviour:
+    """A robot's tuned gait as pi_B, the same for every lane."""
+    gait = gaits.load(anatomy)
     frequency, gait = float(gait.frequency), gait._replace(frequency=None)  # the robot's clock has it
 
     def params(lanes: Sequence[Lane]) -> Params:
         return jax.tree.map(lambda x: jnp.full(len(lanes), x), gait)
 
-    return Behaviour(gaits.act, params, frequency)
+    return Behaviour(gaits.walker(anatomy), params, frequency)
 
 
 def check(config: Config) -> None:
@@ -58,6 +59,10 @@ def check(config: Config) -> None:
                 f"behaviour repertoire tries gaits on one damage and does not go with {field}; leave one out."
             )
     if "repertoire" in wanted or "ite" in parse_algos(config.algos):
+        if config.anatomy != PHANTOMX:
+            raise ValueError(
+                f"robot is {config.robot!r}: ite and its repertoire are the {PHANTOMX.name}'s; leave them out."
+            )
         from srl_jax.ite.agent import prior_map
 
         prior_map(config.ite.repertoire)
@@ -78,6 +83,7 @@ def _check_run(directory: Path, config: Config) -> None:
         )
     stored, _ = files.read_config(directory)
     for name, mine, theirs in (
+        ("robot", config.robot, stored.robot),
         ("task", config.task, stored.task),
         ("env.observation", config.env.observation, stored.env.observation),
         ("env.history", config.env.history, stored.env.history),
@@ -100,7 +106,7 @@ def load(config: Config, directory: Path, train: RunJob) -> tuple[Behaviour, ...
     teachers = []
     for name in parse_teachers(config):
         if name == "gait":
-            teachers.append(scripted_gait())
+            teachers.append(scripted_gait(config.anatomy))
             continue
         if atlas_teacher.named(name):
             teachers.append(from_atlas(name, config))
@@ -126,7 +132,7 @@ def _trial_run(config: Config) -> Config:
     steps = config.ite.trials * config.env.episode_steps * config.train.environments
     every = dict(evaluate_every=steps, checkpoint_every=steps, warmup=steps)
     train = dataclasses.replace(config.train, **every)
-    damage = config.damage if config.damage != "task" else ",".join(damage_names.parse_names("task", config.task))
+    damage = config.damage if config.damage != "task" else ",".join(damage_names.task_set(config.task))
     walk = dict(behaviour="gait", algos="ite", task="x", damage=damage, part="")
     return dataclasses.replace(config, **walk, steps=steps, train=train)
 
@@ -152,7 +158,7 @@ def from_run(path: Path) -> Behaviour:
         return jax.tree.map(lambda x: x[index], networks["actor"])
 
     apply = partial(behaviours.policy, config=agent)
-    return Behaviour(apply, params, float(gaits.load().frequency), agent.architecture)
+    return Behaviour(apply, params, float(gaits.load(stored.anatomy).frequency), agent.architecture)
 
 
 def from_trials(path: Path) -> Behaviour:

@@ -11,10 +11,10 @@ from srl_jax.agents.hyper import Hyper
 from srl_jax.bayes import controller
 from srl_jax.env import hexapod
 from srl_jax.env.damage import Damage
-from srl_jax.env.hexapod import ACTION_SIZE, EnvState
+from srl_jax.env.hexapod import EnvState
 from srl_jax.program import mix, strides
 from srl_jax.program.randomness import Stream, at_step
-from srl_jax.program.state import Episode, LaneData, Mode, Program, TrainState, World, bind_teachers, tuned_tripod
+from srl_jax.program.state import Episode, LaneData, Mode, Program, TrainState, World, bind_teachers, tuned_gait
 from srl_jax.types import ActState
 
 START_ACT = 1  # of a robot's key: what acting draws at the start of an episode
@@ -31,7 +31,7 @@ def init_world(program: Program, keys: jax.Array, damage: Damage, starts: EnvSta
         if starts_ is not None:
             env = strides.begin(program.robot, starts_, env, key)
             observation = hexapod.observe(program.robot, damage_, env)
-        return env, observation, fresh_act_state(jax.random.fold_in(key, START_ACT)), number
+        return env, observation, fresh_act_state(jax.random.fold_in(key, START_ACT), program.action_size), number
 
     lanes = jax.vmap(jax.vmap(robot, (0, None, None)))
     env, observation, act, number = lanes(keys, damage, starts)
@@ -39,17 +39,17 @@ def init_world(program: Program, keys: jax.Array, damage: Damage, starts: EnvSta
     return World(env, act, observation, Episode(zeros, jnp.copy(zeros), jnp.copy(zeros)), number)
 
 
-def fresh_act_state(key: jax.Array) -> ActState:
+def fresh_act_state(key: jax.Array, action_size: int) -> ActState:
     """Stationary noise, the student in command, a new seed: the state of acting at the start of an episode."""
     return ActState(
-        noise=noise.start(jax.random.fold_in(key, 1), ACTION_SIZE),
+        noise=noise.start(jax.random.fold_in(key, 1), action_size),
         guidance=controller.init(),
         seed=jax.random.bits(key),
     )
 
 
 def act_rows(program: Program, lanes: LaneData, mode: Mode, state: TrainState) -> tuple[jax.Array, ActState]:
-    """Every robot's action f32[R, E, 18]: its algorithm's, its student's, pi_B's or the tripod's, as the mode says."""
+    """Every robot's action f32[R, E, J]: its algorithm's, its student's, pi_B's or its own gait's, as the mode says."""
     keys = at_step(lanes.key, state.clock, Stream.ACT)
     told = state.world.act._replace(age=state.world.env.steps)
     actions, act_states = [], []
@@ -65,7 +65,7 @@ def act_rows(program: Program, lanes: LaneData, mode: Mode, state: TrainState) -
 
 
 def act_lane(program: Program, algo: str, mode: Mode, clock: jax.Array, agent: Any, rows: tuple, hyper: Hyper):
-    """The actions f32[E, 18] of one lane's robots."""
+    """The actions f32[E, J] of one lane's robots."""
     act_states, observations, key, teacher_params = rows
     functions, teachers = program.agents[algo], bind_teachers(program, algo, teacher_params)
 
@@ -83,7 +83,7 @@ def act_lane(program: Program, algo: str, mode: Mode, clock: jax.Array, agent: A
 
     def reference(act_state: ActState, observation: jax.Array, key_: jax.Array):
         del key_
-        return tuned_tripod()(observation), act_state
+        return tuned_gait(program.robot.anatomy)(observation), act_state
 
     def one(*args):
         return jax.lax.switch(mode.actor, (own, alone, advised, reference), *args)

@@ -16,8 +16,9 @@ from srl_jax import machine
 from srl_jax.agents import hyper as hypers
 from srl_jax.agents.sweep import AgentSettings
 from srl_jax.env import damage as damages
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
-from srl_jax.env.hexapod import ACTION_SIZE, EnvState
+from srl_jax.env.hexapod import EnvState
 from srl_jax.program import mix, strides
 from srl_jax.program.act import init_world
 from srl_jax.program.lanes import MIX, Lane, Layout
@@ -119,7 +120,7 @@ def lane_data(
     """
     layout = program.layout
     chosen = {algo: [dict(lane.variant) for lane in layout.of(algo)] for algo in layout.algos}
-    damage = damage_rows(damage_names, program.mix)
+    damage = damage_rows(damage_names, program.mix, program.robot.anatomy)
     data = LaneData(
         key=lane_keys(layout.rows, stream),
         damage=damage,
@@ -131,25 +132,26 @@ def lane_data(
     return on_rows(program, data)
 
 
-def damage_rows(names: Sequence[str], mixed: Sequence[str] = ()) -> Damage:
+def damage_rows(names: Sequence[str], mixed: Sequence[str] = (), anatomy: Anatomy = PHANTOMX) -> Damage:
     """The damage of rows, leaves [R, ...]; each name is built once.
 
     Args:
         names: one per row.
         mixed: M damages, where robots of a row may carry different ones: leaves [R, M, ...]. A row called `MIX` has all
             of them, and a row of any other name has that one M times.
+        anatomy: of the robot.
     """
     each = [mixed if name == MIX else [name] * max(len(mixed), 1) for name in names]
     unique = list(dict.fromkeys(itertools.chain(*each)))
     place = {name: index for index, name in enumerate(unique)}
     index = np.array([[place[name] for name in own] for own in each])
     index = index if mixed else index[:, 0]
-    return jax.tree.map(lambda x: x[index], damages.stack(unique))
+    return jax.tree.map(lambda x: x[index], damages.stack(unique, anatomy))
 
 
 def with_damage(program: Program, lanes: LaneData, names: Sequence[str]) -> LaneData:
     """The same rows under other damage, one name per row."""
-    damage = damage_rows(names, program.mix)
+    damage = damage_rows(names, program.mix, program.robot.anatomy)
     return lanes._replace(**on_rows(program, {"damage": damage, "starts": in_mid_stride(program, damage)}))
 
 
@@ -187,6 +189,6 @@ def empty_prior(program: Program) -> dict[str, Transition]:
     def room(rows: int) -> Transition:
         zeros = partial(jnp.zeros, (rows, steps))
         wide = lambda width: jnp.zeros((rows, steps, width))  # noqa: E731
-        return Transition(wide(size), wide(ACTION_SIZE), zeros(), zeros(), wide(size), zeros(), zeros())
+        return Transition(wide(size), wide(program.action_size), zeros(), zeros(), wide(size), zeros(), zeros())
 
     return {algo: room(len(program.layout.rows_of[algo])) for algo in healthy}

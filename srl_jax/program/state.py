@@ -14,6 +14,7 @@ from srl_jax.agents.hyper import Hyper
 from srl_jax.agents.interface import Agent, Teacher
 from srl_jax.env import gait as gaits
 from srl_jax.env import hexapod
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
 from srl_jax.program.lanes import Layout
@@ -27,7 +28,7 @@ AXIS = "lanes"
 class Mode(NamedTuple):
     """Who acts and what comes of it; scalars, so that training, evaluation and collection are one program."""
 
-    actor: jax.Array  # i32[] 0 the algorithm, noise included; 1 the student alone; 2 pi_B alone; 3 the tuned tripod
+    actor: jax.Array  # i32[] 0 the algorithm, noise included; 1 the student alone; 2 pi_B alone; 3 the tuned gait
     noise: jax.Array  # f32[] standard deviation of noise on pi_B's actions (actor 2)
     store: jax.Array  # bool[] whether transitions enter the replay
     learn: jax.Array  # bool[] whether agents update
@@ -103,28 +104,34 @@ class Program:
 
     @property
     def observation_size(self) -> int:
-        return hexapod.observation_size(self.robot.task, self.robot.config)
+        return hexapod.observation_size(self.robot.task, self.robot.config, self.robot.anatomy)
+
+    @property
+    def action_size(self) -> int:
+        return self.robot.anatomy.action_size
 
     @property
     def sizes(self) -> Sizes:
         """Of what the replays hold."""
-        return Sizes(self.observation_size, hexapod.ACTION_SIZE, self.robot.config.episode_steps)
+        return Sizes(self.observation_size, self.action_size, self.robot.config.episode_steps)
 
 
 def bind_teachers(program: Program, algo: str, params: tuple[Params, ...]) -> tuple[Teacher, ...]:
     """The teachers of an algorithm's lane, each a function of the observation and a pytree of its parameters."""
-    return _bound(program.agents[algo], program.teachers, params)
+    return _bound(program.agents[algo], program.robot.anatomy, program.teachers, params)
 
 
-def _bound(agent: Agent, teachers: tuple[Callable, ...], params: tuple[Params, ...]) -> tuple[Teacher, ...]:
+def _bound(
+    agent: Agent, anatomy: Anatomy, teachers: tuple[Callable, ...], params: tuple[Params, ...]
+) -> tuple[Teacher, ...]:
     if agent.own_gait:
-        return (tuned_tripod(),)
+        return (tuned_gait(anatomy),)
     return tuple(Partial(teacher, p) for teacher, p in zip(teachers, params, strict=True))
 
 
-def tuned_tripod() -> Partial:
-    """The scripted gait that ships with the package: the reference that all methods share, whatever pi_B is."""
-    return Partial(gaits.act, gaits.load())
+def tuned_gait(anatomy: Anatomy = PHANTOMX) -> Partial:
+    """A robot's scripted gait: the reference that all methods share, whatever pi_B is."""
+    return Partial(gaits.walker(anatomy), gaits.load(anatomy))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,15 +142,16 @@ class Student:
     """
 
     agent: Agent
+    anatomy: Anatomy
     teachers: tuple[Callable[[Params, jax.Array], jax.Array], ...]
 
     def __call__(self, actor: Params, params: tuple[Params, ...], observation: jax.Array) -> jax.Array:
-        return self.agent.student(actor, observation, teachers=_bound(self.agent, self.teachers, params))
+        return self.agent.student(actor, observation, teachers=_bound(self.agent, self.anatomy, self.teachers, params))
 
 
 def student(program: Program, algo: str, actor: Params, params: tuple[Params, ...]) -> Partial:
-    """The policy f32[O] -> f32[18] that an algorithm has learned, from one lane's actor and teachers' parameters."""
-    return Partial(Student(program.agents[algo], program.teachers), actor, params)
+    """The policy f32[O] -> f32[J] that an algorithm has learned, from one lane's actor and teachers' parameters."""
+    return Partial(Student(program.agents[algo], program.robot.anatomy, program.teachers), actor, params)
 
 
 def rows_sharding(program: Program) -> NamedSharding:

@@ -1,6 +1,6 @@
 """Where a policy must take over: robots that were walking when their damage struck, as starts of episodes.
 
-A healthy robot walks by the tripod for half a second to two, its damage strikes, and the tripod goes on for up to a
+A healthy robot walks by its gait for half a second to two, its damage strikes, and the gait goes on for up to a
 second, as a robot would that does not yet know. What comes of it, at any phase, turned and crouched, is kept.
 """
 
@@ -13,11 +13,11 @@ from srl_jax.env import damage as damages
 from srl_jax.env import damage_names, hexapod
 from srl_jax.env.damage import Damage
 from srl_jax.env.hexapod import EnvState, Hexapod
-from srl_jax.program.state import tuned_tripod
+from srl_jax.program.state import tuned_gait
 
 COUNT = 32  # of every damage of a row
 WALK = (10, 40)  # control steps before the damage strikes
-UNAWARE = 20  # control steps at most that the tripod goes on after it
+UNAWARE = 20  # control steps at most that the gait goes on after it
 TAKE, PICK = 2, 3  # of a robot's key (4: `mix`): whether it starts in mid-stride, and from which
 
 
@@ -26,14 +26,15 @@ def after_strike(robot: Hexapod, damage: Damage, key: jax.Array) -> EnvState:
     reset_key, walk_key, unaware_key = jax.random.split(key, 3)
     struck = jax.random.randint(walk_key, (), *WALK)
     end = struck + jax.random.randint(unaware_key, (), 0, UNAWARE + 1)
-    healthy = jax.tree.map(jnp.asarray, damages.build(damage_names.HEALTHY))
+    healthy = jax.tree.map(jnp.asarray, damages.build(damage_names.HEALTHY, robot.anatomy))
     standing, _ = hexapod.reset(robot, damage, reset_key)
     begun, _ = hexapod.reset(robot, healthy, reset_key)
+    walk = tuned_gait(robot.anatomy)
 
     def advance(t: jax.Array, carry: tuple[EnvState, jax.Array]) -> tuple[EnvState, jax.Array]:
         state, upright = carry
         present = jax.tree.map(lambda old, new: jnp.where(t < struck, old, new), healthy, damage)
-        reached, out = hexapod.step(robot, present, state, tuned_tripod()(hexapod.observe(robot, present, state)))
+        reached, out = hexapod.step(robot, present, state, walk(hexapod.observe(robot, present, state)))
         state = jax.tree.map(lambda old, new: jnp.where(t < end, new, old), state, reached)
         return state, upright & ~(out.fell & (t < end))
 
@@ -75,5 +76,7 @@ def begin(robot: Hexapod, starts: EnvState, fresh: EnvState, key: jax.Array) -> 
     """`fresh`, or with the chance of `stride_starts` one of its row's `starts` with the goal of `fresh`."""
     index = jax.random.randint(jax.random.fold_in(key, PICK), (), 0, COUNT)
     taken = jax.random.bernoulli(jax.random.fold_in(key, TAKE), robot.config.stride_starts)
-    walking = jax.tree.map(lambda leaf: leaf[index], starts)._replace(steps=fresh.steps, goal=fresh.goal)
+    walking = jax.tree.map(lambda leaf: leaf[index], starts)._replace(
+        steps=fresh.steps, goal=fresh.goal, variation=fresh.variation
+    )
     return jax.tree.map(lambda old, new: jnp.where(taken, new, old), fresh, walking)

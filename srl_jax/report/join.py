@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from srl_jax.env.anatomy import PHANTOMX
 from srl_jax.report.files import FILES, METRICS_HEADER, Lane, episodes, read_lanes, read_rows, read_settings
 
 FREE = ("algos", "seeds", "damage", "part", "memory_gb", "devices")  # settings that move no lane's numbers
@@ -102,6 +103,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 def _comparable(settings: Mapping[str, Any]) -> dict[str, Any]:
     # Algorithms from outside the package stand under `more`; they are compared as its own are.
     apart = {name: value for name, value in settings.items() if name != "more"} | settings.get("more", {})
+    apart.setdefault("robot", PHANTOMX.name)  # of runs that knew no other
     return {**apart, "evaluation": {**settings.get("evaluation", {}), "episodes": episodes(settings)}}
 
 

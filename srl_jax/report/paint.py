@@ -9,7 +9,7 @@ import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from srl_jax.env import damage as damages
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.model import stance
 from srl_jax.report import raycast
 
@@ -54,21 +55,26 @@ def backend() -> str | None:
 
 
 def still(
-    damage_name: str, *, painter: Painter = "auto", size: tuple[int, int] = SIZE, zoom: float = 1.0
+    damage_name: str,
+    anatomy: Anatomy = PHANTOMX,
+    *,
+    painter: Painter = "auto",
+    size: tuple[int, int] = SIZE,
+    zoom: float = 1.0,
 ) -> np.ndarray:
     """The damaged robot in its stance, ``zoom`` times as large: u8[height, width, 3]; errors as `paint`."""
-    model = visible_model(damage_name)
+    model = visible_model(damage_name, anatomy)
     model.cam_fovy[:] /= zoom
     return next(paint(model, stance(model)[None], None, painter=painter, size=size))
 
 
-def visible_model(damage_name: str) -> mujoco.MjModel:
+def visible_model(damage_name: str, anatomy: Anatomy = PHANTOMX) -> mujoco.MjModel:
     """The model of a damaged robot with its disobedient links coloured.
 
     Raises:
         ValueError: for a bad damage name.
     """
-    model = damages.damaged_model(damage_name)
+    model = damages.damaged_model(damage_name, anatomy)
     for actuator in np.flatnonzero(model.actuator_gainprm[:, 0] == 0):
         joint = model.actuator_trnid[actuator, 0]
         locked = model.dof_armature[model.jnt_dofadr[joint]] >= damages.LOCK_ARMATURE
@@ -80,13 +86,13 @@ def visible_model(damage_name: str) -> mujoco.MjModel:
 
 def paint(
     model: mujoco.MjModel,
-    poses: np.ndarray,
+    poses: Iterable[np.ndarray],
     marker: raycast.Goal | None,
     *,
     painter: Painter = "auto",
     size: tuple[int, int] = SIZE,
 ) -> Iterator[np.ndarray]:
-    """Pictures u8[height, width, 3] of f[F, 25] poses, seen by the camera ``track``.
+    """Pictures u8[height, width, 3] of f[F, J + 7] poses, each when it is asked for, seen by the camera ``track``.
 
     Raises:
         RuntimeError: for the painter ``gl`` where no OpenGL backend works.
@@ -115,6 +121,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
         camera, option, data = mujoco.MjvCamera(), mujoco.MjvOption(), mujoco.MjData(model)
         camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, model.camera("track").id
         for pose in poses:
+            context.make_current()  # again: others may have painted meanwhile
             data.qpos[:] = pose
             model.light_pos[0] = [*pose[:2], 0.0] - model.light_dir[0]  # shadows are cast only about the light's axis
             mujoco.mj_forward(model, data)
@@ -126,6 +133,7 @@ def _paint_gl(model: mujoco.MjModel, poses, marker: raycast.Goal | None, size: t
             mujoco.mjr_readPixels(picture, None, area, canvas)
             yield picture[::-1]
     finally:
+        context.make_current()
         canvas.free()
         context.free()
 

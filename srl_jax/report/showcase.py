@@ -68,7 +68,8 @@ def save_videos(
         if damage == MIX:
             damage = program.mix[int(mix.draw(len(program.mix), key))]
         rollout = rollout_c(program.robot, damage, policy, key, program.robot.config.episode_steps)
-        frames = video.render(rollout, damage, goal_radius=program.robot.config.goal_radius, size=SIZE)
+        robot = program.robot
+        frames = video.render(rollout, damage, robot.anatomy, goal_radius=robot.config.goal_radius, size=SIZE)
         path = directory / f"{method.replace(' ', '-')}-{damage.replace(':', '-')}-seed{lane.seed}.mp4"
         video.save_video(path, frames)
         paths.append(path)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from srl_jax.env.anatomy import PHANTOMX, Anatomy
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.evaluate import Rollout
 from srl_jax.report import raycast
@@ -21,6 +22,7 @@ GOAL = (0.10, 0.62, 0.35)
 def render(
     rollout: Rollout,
     damage_name: str,
+    anatomy: Anatomy = PHANTOMX,
     *,
     goal_radius: float = 0.15,
     painter: Painter = "auto",
@@ -31,6 +33,7 @@ def render(
     Args:
         rollout: of one episode, without a leading axis.
         damage_name: as `damage_names.canonical`; lost parts are not drawn, limp links are violet, locked ones blue.
+        anatomy: of the robot.
         goal_radius: m, of the disc that marks a goal.
         painter: ``gl``, ``plain``, or ``auto`` for ``gl`` where it works.
         size: width and height of the picture in pixels, both even.
@@ -44,13 +47,13 @@ def render(
     """
     poses = np.asarray(rollout.qpos, np.float64)
     if poses.ndim != 2:
-        raise ValueError(f"rollout.qpos has {poses.ndim} axes; one episode [T, 25] is accepted: pick a row.")
+        raise ValueError(f"rollout.qpos has {poses.ndim} axes; one episode [T, J + 7] is accepted: pick a row.")
     poses = poses[: int(rollout.length)]
     goal = np.asarray(rollout.goal, np.float64)
     marker = (goal, goal_radius, GOAL) if goal.any() else None
     outcome = "tipped over" if rollout.fell else "goal reached" if rollout.success else ""
     frames = []
-    for t, picture in enumerate(paint(visible_model(damage_name), poses, marker, painter=painter, size=size)):
+    for t, picture in enumerate(paint(visible_model(damage_name, anatomy), poses, marker, painter=painter, size=size)):
         text = _caption(damage_name, t + 1, poses[t, :2], marker)
         end = outcome if t + 1 == len(poses) else ""
         frames.append(np.concatenate([picture, caption(text, end, size[0])]))

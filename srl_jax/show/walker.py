@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 from srl_jax.env import gait as gaits
+from srl_jax.env.anatomy import PHANTOMX
 from srl_jax.env.interface import layout
 from srl_jax.env.settings import TASKS
 from srl_jax.portable import Policy
@@ -33,9 +34,11 @@ def by_policy(policy: Policy, name: str = "") -> Walker:
         name: what it is called beside its damage; empty: the method that it was learned by.
 
     Raises:
-        ValueError: it is for a task that this robot has not, or reads another observation.
+        ValueError: it is for another robot or a task that this robot has not, or reads another observation.
     """
     about = policy.about
+    if about.get("robot", PHANTOMX.name) != PHANTOMX.name:
+        raise ValueError(f"policy is for robot {about['robot']!r}: this one is the {PHANTOMX.name}.")
     task, kind = about.get("task"), about.get("kind")
     if task not in TASKS or kind not in KINDS:
         raise ValueError(

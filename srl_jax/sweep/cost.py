@@ -6,8 +6,12 @@ failures and preemption.
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
 
 from srl_jax.config import Config
 from srl_jax.job import memory, plan
@@ -19,6 +23,16 @@ START = 60.0  # s of a task that are not training: imports, compiling, cloning, 
 PACK_HOURS = 0.5  # of a pack, at most: longer ones leave nodes idle at the end, shorter ones start too often
 LEAST = 8  # lanes a core, below which a core is not kept busy
 EVALUATION = 2 * 30 * 32  # bytes of a lane's evaluation: some 30 rows of metrics.csv, in the pack and merged
+
+
+class Speed(NamedTuple):
+    """How fast one core is, as `job.speed` measures it on all of them."""
+
+    sgemm: float  # operations per second
+    physics: float  # steps per second
+
+
+OF_RATES = Speed(98e9, 3.8e5)  # of the core that the rates are of; its physics took one Newton iteration
 
 
 @dataclass(frozen=True)
@@ -34,9 +48,18 @@ class Cost:
     disk_bytes: int
 
 
-def lane_seconds(config: Config, algo: str) -> float:
-    """Core seconds of one lane."""
-    return memory.operations(config, {algo: 1}) / LEARNING + config.steps * ACTING
+def lane_seconds(config: Config, algo: str, speed: Speed = OF_RATES) -> float:
+    """Core seconds of one lane, on such cores."""
+    learning = memory.operations(config, {algo: 1}) / LEARNING * (OF_RATES.sgemm / speed.sgemm)
+    return learning + config.steps * ACTING * (OF_RATES.physics / speed.physics)
+
+
+def run_seconds(config: Config, cores: int, speed: Speed = OF_RATES) -> float | None:
+    """Of a whole run on so many such cores; None on an accelerator, whose rates nobody knows beforehand."""
+    if jax.default_backend() != "cpu":
+        return None
+    lanes = Counter(lane.algo for lane in plan.make(config).lanes)
+    return START + sum(count * lane_seconds(config, algo, speed) for algo, count in lanes.items()) / cores
 
 
 def seconds(point: Point, lanes: float, cpus: int) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from srl_jax.cli.left import Left
 from srl_jax.cli.progress import Display, peak
 from srl_jax.job.progress import Progress
 
@@ -27,6 +28,13 @@ def test_rates_and_the_latest_evaluation_are_shown(terminal):
     printed = console.file.getvalue()
     for part in ("runs/here-2", "training", "5,000 env steps/s", "250 updates/s", "srl 0.75 (return 20.0)"):
         assert part in printed
+
+
+def test_what_is_left_is_said_from_the_first_minute():
+    console = Console(file=io.StringIO(), force_terminal=False, width=160)
+    with Display(console, Left(whole=1_140.0, warmup=1_000)) as display:
+        display.update(STATES[0])
+    assert "preparing 0/2000 0 s 19 min left" in console.file.getvalue()
 
 
 def test_a_file_gets_one_line_for_each_evaluation():

@@ -15,7 +15,7 @@ options=(--preset smoke --seeds "$packs" --steps "${2:-200000}" --train.evaluate
 sweep "${options[@]}" --partition one --out "$work/warm" --plan-only
 sweep --out "$work/warm" --run-pack 0 > /dev/null
 
-# From the first task's begin to the last one's end, in seconds: compiling and the merge are apart.
+# From the first task's begin to the last one's end, in seconds; and by what packs say of their training, without starts.
 for partition in one cpu; do
     sweep "${options[@]}" --partition "$partition" --out "$work/$partition" --plan-only > /dev/null
     ln -s "$work/warm/cache" "$work/$partition/cache"
@@ -26,13 +26,18 @@ done
 import json, pathlib, sys
 from datetime import datetime
 
-rates = {}
+rates, training = {}, {}
 for partition, nodes in (("one", 1), ("cpu", 2)):
     paths = list(pathlib.Path(sys.argv[1], partition, "tasks").glob("*/attempts.jsonl"))
     times = [datetime.fromisoformat(json.loads(line)["at"]) for path in paths for line in path.read_text().splitlines()]
     assert len(times) == 2 * int(sys.argv[2]), "every pack is begun and ended once"
+    found = pathlib.Path(sys.argv[1], partition, "packs").glob("*/summary.json")
+    each = [json.loads(path.read_text())["machine"]["environment_steps_per_second"] for path in found]
+    training[nodes] = sum(each) / len(each)
     took = (max(times) - min(times)).total_seconds()
     rates[nodes] = 2 * int(sys.argv[2]) / took
     print(f"{nodes} node{'s' if nodes > 1 else ''}: {took:.0f} s, {rates[nodes]:.4f} lanes/s")
 print(f"two nodes against twice one: {rates[2] / rates[1] / 2:.1%}")
+print(f"of that training alone: {training[1]:.0f} environment steps/s by itself, {training[2]:.0f} beside the other node's")
+print(f"  {training[2] / training[1]:.1%}; the rest is how tasks start, and the wait for the scheduler")
 PY

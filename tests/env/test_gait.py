@@ -1,6 +1,7 @@
 """The scripted gait: its shape, its symmetry, its file, and that the healthy robot walks with it."""
 
 import json
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from srl_jax.env import damage, gait, hexapod
-from srl_jax.env.anatomy import LEGS
+from srl_jax.env.anatomy import LEGS, PHANTOMX
 from srl_jax.env.settings import EnvConfig
 
 RF_RR_LM = [LEGS.index(leg) for leg in ("rf", "rr", "lm")]
@@ -73,7 +74,7 @@ def test_is_continuous_where_the_goal_is_straight_behind():
 
 
 def test_file_has_a_value_for_every_parameter():
-    values = json.loads(gait.DATA.read_text())
+    values = json.loads(gait.path().read_text())
     assert tuple(values["gait"]) == gait.Gait._fields
     assert values["command"].startswith("python -m experiments.tune_gait")
     np.testing.assert_allclose(np.array(gait.load()), np.array(list(values["gait"].values())), rtol=1e-6)
@@ -83,7 +84,7 @@ def test_loads_from_a_file(tmp_path):
     path = tmp_path / "gait.json"
     values = {name: i for i, name in enumerate(gait.Gait._fields)}
     path.write_text(json.dumps({"gait": values}))
-    loaded = gait.load(path)
+    loaded = gait.load(replace(PHANTOMX, gait=str(path)))
     assert loaded.turn.dtype == jnp.float32
     np.testing.assert_array_equal(np.array(loaded), np.arange(len(loaded)))
 

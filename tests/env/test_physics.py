@@ -88,12 +88,12 @@ def test_a_robot_that_is_no_star_is_stepped_by_mjx_or_refused():
 def test_the_shipped_robot_may_be_edited_into_no_star(monkeypatch):
     edited = load_model()
     edited.dof_frictionloss[-1] = 0.1
-    monkeypatch.setattr(physics, "load_model", lambda: edited)
-    physics.shipped_star.cache_clear()
+    monkeypatch.setattr(physics, "load_model", lambda _: edited)
+    physics._star.cache_clear()
     assert physics.choose("auto") is None
     with pytest.raises(NotAStarError, match="joint 'tibia_lr' has friction loss"):
         physics.choose("star")
-    physics.shipped_star.cache_clear()
+    physics._star.cache_clear()
 
 
 def test_an_accelerator_measures_the_robot_that_is_asked_for(gpu):

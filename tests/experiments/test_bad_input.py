@@ -11,6 +11,7 @@ import pytest
     [
         ("tune_gait", {"population": 8}, "population is 8; at least 16"),
         ("tune_gait", {"goals": 0}, "goals is 0; at least 1"),
+        ("tune_gait", {"robot": "spot"}, "robot is 'spot': choose one of phantomx, quadruped"),
         (
             "estimator",
             {"atlas": Path("nowhere"), "rows": ("holes",)},

@@ -12,7 +12,6 @@ import pytest
 
 from experiments.contenders import job, measuring, physics, scaling, vmapped
 from experiments.contenders.measuring import Contender, Result
-from experiments.contenders.numpy_robot import Robot
 from srl_jax.config import preset
 from srl_jax.env import damage as damages
 from srl_jax.env import hexapod
@@ -21,41 +20,6 @@ from srl_jax.env.settings import EnvConfig
 from tests.conftest import DEVICES
 
 SMOKE = dataclasses.replace(preset("smoke"), algos="ddpg")
-
-
-def state_of(robot: Robot) -> EnvState:
-    """The NumPy robot's state as that of the package's."""
-    data = robot.data
-    values = (data.qpos, data.qvel, data.qacc_warmstart, robot.phase)
-    return EnvState(*(np.array(value, np.float32) for value in values), np.int32(robot.steps), np.float32(robot.goal))
-
-
-@pytest.mark.parametrize(
-    ("task", "settings"),
-    [("p2p", {}), ("x", {"observation": "onboard"}), ("xy", {"reward": "sparse", "sparse_distance": 0.05})],
-)
-def test_the_peers_robot_observes_and_earns_what_ours_does(task, settings):
-    config, damage = EnvConfig(episode_steps=30, **settings), damages.build("leg_rm+tibia_lf")
-    ours, random = hexapod.make(task, config, 1.5), np.random.default_rng(0)
-    peer = Robot(task, config, "leg_rm+tibia_lf", 1.5)
-    advance = jax.jit(lambda before, after, action: hexapod.advance(ours, damage, before, after, action))
-    begun, ends = peer.reset(random), set()
-    np.testing.assert_allclose(begun, hexapod.observe(ours, damage, state_of(peer)), atol=1e-5)
-    for step in range(60):
-        action = random.uniform(-1.0, 1.0, 18)
-        before = state_of(peer)
-        observation, reward, terminated, truncated = peer.step(action)
-        _, earned = advance(before, state_of(peer), action.astype(np.float32))
-        np.testing.assert_allclose(observation, earned.observation, atol=1e-5)
-        np.testing.assert_allclose(reward, earned.reward, atol=2e-4)
-        assert (terminated, truncated) == (earned.terminated, earned.truncated)
-        ends.add((terminated, truncated))
-        if terminated or truncated:
-            peer.reset(random)
-        elif step == 40:
-            peer.data.qpos[2:7] = [0.2, 0.1, 1.0, 0.0, 0.0]  # upside down: it has fallen
-    assert ends >= {(False, False), (True, False)}
-    assert (False, True) in ends or task == "xy"  # whose goal is near
 
 
 @pytest.mark.slow
@@ -179,13 +143,3 @@ def test_libraries_take_as_many_steps_and_updates_as_ours(library):
     # Every 20 steps from the 60th on ten mini-batches for the critics, of which one is the actor's too.
     assert model._n_updates == 6 * config.ddpg.critic_updates and model.policy_delay == config.ddpg.critic_updates
     assert whole.units == 200 and whole.facts == {"whole": True}
-
-
-@BENCH
-def test_gymnasium_accepts_the_environment():
-    from gymnasium.utils.env_checker import check_env  # pyright: ignore[reportMissingImports]
-
-    from experiments.contenders import baselines
-
-    with pytest.warns(UserWarning, match="infinity"):  # observations have no bounds
-        check_env(baselines.Hexapod(SMOKE, "leg_rm"), skip_render_check=True)

@@ -28,6 +28,7 @@ WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "--no-cold --out OUT",  # its other parts: test_contenders
     "pendulum": "--algo srl --seeds 2 --steps 8",
     "physics_error": "--episodes 1",
+    "plain_loop": "--steps 8",
     "posterior_quality": "--problems 2 --members 2 --rates 0.1 --updates 4 --out OUT",
     "recovery": "ATLAS --rows pairs --methods posterior trials --robots 6 --seconds 2 --figure OUT",
     "render_robot": "--width 40 --height 30 --oversample 1 --painter plain --path OUT",
@@ -36,6 +37,7 @@ WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "self_model": "--damages tibia_rm,leg_rm --motions 2 --probes 1 --steps 3 --seeds 2 --out OUT",
     "shipped": "--tasks x --names srl --seconds 0.1 --starts 1",
     "sweep_simulation": "--nodes 4 --lanes 64 --steps 1000 --pack-lanes 16 --intervals 60 --seeds 1",
+    "teaching": "--tasks pendulum --methods ddpg --teachers good --seeds 2 --steps 4",
     "throughput": "--preset smoke --lanes 4 --vector-steps 2 --repeats 1",
     "tune_gait": "--population 16 --generations 1 --goals 1 --test 16 --steps 2 --out OUT",
 }
@@ -48,6 +50,7 @@ SHOWN = {  # a part of what is printed
     "peers": "| ours | ",
     "pendulum": "srl: -",
     "physics_error": "Coarse settings against converged physics",
+    "plain_loop": "Returns of the episodes: -",
     "posterior_quality": "ensemble × dropout 0.1",
     "recovery": "thought of first / policy",
     "render_robot": ".png",
@@ -56,12 +59,13 @@ SHOWN = {  # a part of what is printed
     "self_model": "2 damages, 2 seeds, truth in mjx",
     "shipped": "tibia_rf",
     "sweep_simulation": "64 lanes of 1,000 steps",
+    "teaching": "| pendulum | good | ddpg | -",
     "throughput": f"{DEVICES} devices; C MuJoCo",
     "tune_gait": "x_in_fine_c",
 }
 SLOW = {
     *("cross_check", "estimator", "healthy_value", "peers", "physics_error"),
-    *("robot_posterior", "self_model", "throughput", "tune_gait"),
+    *("plain_loop", "robot_posterior", "self_model", "teaching", "throughput", "tune_gait"),
 }
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
 # On runs that are finished: see the tests of their names.
@@ -88,7 +92,7 @@ def test_it_runs(name, request, tmp_path, capsys, monkeypatch):
     if "ATLAS" in words:
         file.save(tmp_path / "atlas.npz", request.getfixturevalue("atlas"))
         words = [str(tmp_path / "atlas.npz") if word == "ATLAS" else word for word in words]
-    if name == "pendulum":
+    if name in ("pendulum", "plain_loop"):
         tyro.cli(module.main, args=words)
     else:
         module.main(tyro.cli(getattr(module, "Args", None) or module.Arguments, args=words))

@@ -15,7 +15,7 @@ from srl_jax.program import replay
 from srl_jax.program import tally as tallies
 from srl_jax.program.engine import Engine
 from srl_jax.program.lanes import lay_out
-from srl_jax.program.state import TRAIN, tuned_tripod
+from srl_jax.program.state import TRAIN, tuned_gait
 
 
 def config(**changes):
@@ -40,7 +40,7 @@ def test_padding_is_counted_too():
 def test_an_agents_bytes_are_those_of_its_arrays(algo):
     size = observation_size("p2p", config().env)
     agent = registry.agent(config().agent(algo))
-    made = agent.init(jax.random.key(0), size, ACTION_SIZE, teachers=(tuned_tripod(),))
+    made = agent.init(jax.random.key(0), size, ACTION_SIZE, teachers=(tuned_gait(),))
     assert memory.agent_bytes(config(), algo) == sum(leaf.nbytes for leaf in jax.tree.leaves(made))
 
 

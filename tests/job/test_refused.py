@@ -7,6 +7,12 @@ from srl_jax.cli import run as command
 REFUSED = [
     (["--algos", "dqn"], "algos is 'dqn'"),
     (["--damage", "leg_zz"], "leg_zz"),
+    (["--robot", "spot"], "robot is 'spot': choose one of phantomx, quadruped"),
+    (["--robot", "quadruped", "--damage", "tibia_rf"], "leg_, hip_, thigh_ or shin_ followed by one of rf, rr, lf, lr"),
+    (["--robot", "quadruped", "--algos", "ite", "--task", "x"], "robot is 'quadruped': ite and its repertoire are"),
+    (["--robot", "quadruped", "--behaviour", "repertoire", "--task", "x"], "robot is 'quadruped': ite and its"),
+    (["--robot", "quadruped", "--behaviour", "atlas"], "robot is 'quadruped': atlases are the phantomx's"),
+    (["--robot", "quadruped", "--preset", "robot"], "robot is 'quadruped': atlases are the phantomx's"),
     (["--memory-gb", "0.5"], "memory_gb is 0.5"),
     (["--behaviour", "nowhere"], "behaviour is 'nowhere'"),
     (["--seeds", "0"], "seeds is '0'"),

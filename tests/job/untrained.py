@@ -17,7 +17,7 @@ def write(config, directory, lanes=None, teachers=None):
     A search begins at pi_B whatever its seed, so every lane's is moved by another amount.
     """
     lanes = plan.make(config).lanes if lanes is None else lanes
-    teachers = teachers or (scripted_gait(),) * len(plan.parse_teachers(config))
+    teachers = teachers or (scripted_gait(config.anatomy),) * len(plan.parse_teachers(config))
     program = start.make_program(config, lay_out(lanes, DEVICES), teachers)
     damages = plan.make(config).damages(program.layout.rows, 0)
     data = start.make_lanes(program, config, teachers, "train", damages)

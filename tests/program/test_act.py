@@ -1,6 +1,7 @@
 """Who acts in the compiled program: agents that act by the age of the episode are told it, and only they."""
 
 import dataclasses
+from functools import partial
 from types import SimpleNamespace
 
 import jax
@@ -33,7 +34,7 @@ def acting():
     data = start.make_lanes(program, config, (scripted_gait(),), "train", ["leg_rm"] * 3)
     agents = start.init_agents(program, data)
     keys = jax.random.split(jax.random.key(0), (3, len(AGES)))
-    act_state = jax.vmap(jax.vmap(fresh_act_state))(keys)
+    act_state = jax.vmap(jax.vmap(partial(fresh_act_state, action_size=ACTION_SIZE)))(keys)
     observation = jnp.zeros((3, len(AGES), program.observation_size))
     env = SimpleNamespace(steps=jnp.broadcast_to(jnp.array(AGES), (3, len(AGES))))
 

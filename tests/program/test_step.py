@@ -13,7 +13,7 @@ from srl_jax.program import engine as engines
 from srl_jax.program import tally as tallies
 from srl_jax.program.lanes import lay_out
 from srl_jax.program.randomness import per_robot
-from srl_jax.program.state import REFERENCE, STUDENT, TEACHER, TRAIN, on_rows, tuned_tripod
+from srl_jax.program.state import REFERENCE, STUDENT, TEACHER, TRAIN, on_rows, tuned_gait
 from tests.program.rows import assert_same, row, rows_of_lane
 
 E = 2
@@ -90,7 +90,7 @@ def test_teacher_and_reference_act_as_the_gait(engine, data, fresh):
     robot = engine.program.robot
     damage = jax.tree.map(lambda x: x[0], data.damage)
     env, _ = hexapod.reset(robot, damage, per_robot(data.key, 0, E)[0, 0])
-    action = tuned_tripod()(jnp.asarray(before[0]))
+    action = tuned_gait()(jnp.asarray(before[0]))
     env, step = jax.jit(lambda d, e, a: hexapod.step(robot, d, e, a))(damage, env, action)
     for mode in (TEACHER, REFERENCE):
         after, _ = engine.chunk(fresh(), tallies.empty(engine.program), data, mode(), 1)

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from srl_jax.env.star.body import Body, body
+from srl_jax.env.star.body import Body, Ground, body
 from srl_jax.env.star.constants import Star
 from srl_jax.env.star.contacts import Model
 from srl_jax.env.star.stepper import State, steps
@@ -15,7 +15,9 @@ BLOCK = 256  # robots that stay in a core's L2 cache; half as many cost a third 
 VECTOR = 16  # f32 in the widest register: what is left over would be stepped one by one
 
 
-def simulate(star: Star, leaves: Model, control: jax.Array, state: State, count: int) -> State:
+def simulate(
+    star: Star, leaves: Model, control: jax.Array, state: State, count: int, ground: Ground | None = None
+) -> State:
     """`count` physics steps of one robot under constant position targets; made for `vmap`.
 
     Args:
@@ -24,11 +26,12 @@ def simulate(star: Star, leaves: Model, control: jax.Array, state: State, count:
         control: f[nu] rad.
         state: before.
         count: steps.
+        ground: where it is not the model's.
 
     Returns:
         The state after them.
     """
-    one = jax.tree.map(lambda x: x[None], (body(star, leaves), control, state))
+    one = jax.tree.map(lambda x: x[None], (body(star, leaves, ground), control, state))
     return jax.tree.map(lambda x: x[0], _stepped(star, count)(*one))
 
 

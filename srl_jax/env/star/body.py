@@ -32,11 +32,20 @@ class Body(NamedTuple):
     gain: Array  # f[K, L] N m/rad
     bias: Array  # f[K, 3, L] N m, N m/rad, N m s/rad
     torque: Array  # f[K, 2, L] N m, least and most
+    friction: Array | float | None = None  # f[] of sliding; None: `Star.friction`
+    gravity: Array | None = None  # f[3] m/s^2 in the world; None: `Star.gravity`, downwards
 
 
-def body(star: Star, model: Model) -> Body:
+class Ground(NamedTuple):
+    """What a robot stands on, where it is not what its model says."""
+
+    friction: Array  # f[] share of the model's
+    down: Array  # f[3] unit vector of gravity in the world, whose z is normal to the floor
+
+
+def body(star: Star, model: Model, ground: Ground | None = None) -> Body:
     """The `Body` of one robot, from a model or from any object with those of its leaves that damage changes."""
-    ids, mu = star.ids, star.friction
+    ids, mu = star.ids, star.friction if ground is None else star.friction * ground.friction
     leaf = lambda field: jnp.asarray(getattr(model, field))  # noqa: E731
     pyramid = (1 + mu * mu) * 2 * mu * mu / star.impratio  # of the rows of a pyramidal cone
     weights = leaf("body_invweight0")[:, 0] * pyramid
@@ -57,6 +66,8 @@ def body(star: Star, model: Model) -> Body:
         gain=by_link(leaf("actuator_gainprm")[:, 0], ids.actuator),
         bias=jnp.moveaxis(by_link(leaf("actuator_biasprm")[:, :3], ids.actuator), 2, 1),
         torque=jnp.moveaxis(jnp.where(star.limited[..., None], torque, jnp.asarray(NO_LIMITS, torque.dtype)), 2, 1),
+        friction=None if ground is None else mu,
+        gravity=None if ground is None else star.gravity * ground.down,
     )
 
 

@@ -82,7 +82,7 @@ def bias(star: Star, body: Body, legs: Legs, standing: Attitude, velocity: Motio
     The base is taken to accelerate upwards at g; moments are about the torso's origin.
     """
     omega = velocity.base[3:]
-    lift = scale(star.gravity, standing.rows[2])
+    lift = _lift(star, body, standing)
     turning, spin_up, acceleration = omega, [0.0] * 3, lift
     forces, moments, before = [], [], [0.0] * 3
     for k in range(len(star.links)):
@@ -109,6 +109,13 @@ def bias(star: Star, body: Body, legs: Legs, standing: Attitude, velocity: Motio
     turn = plus(_euler(_base_inertia(star, body), omega, [0.0] * 3), cross(star.base_com, own))
     base = [add(x, gathered(y)) for x, y in zip([*own, *turn], [*force, *moment], strict=True)]
     return Motion(base, torques)
+
+
+def _lift(star: Star, body: Body, standing: Attitude) -> Vector:
+    """The acceleration that stands for gravity, in the torso's frame."""
+    if body.gravity is None:
+        return scale(star.gravity, standing.rows[2])
+    return plus(*(scale(-body.gravity[i], standing.rows[i]) for i in range(3)))
 
 
 def _carried(spin_up: Vector, turning: Vector, arm: Vector) -> Vector:

@@ -41,7 +41,7 @@ class Rows(NamedTuple):
     """All constraint rows."""
 
     frame: list[Vector]  # the floor's normal and tangents, seen from the torso
-    friction: float
+    friction: Scalar
     contacts: list[Contact]
     limits: Limits
 
@@ -69,7 +69,8 @@ def find(star: Star, body: Body, legs: Legs, standing: Attitude, height: Scalar,
                       for k in range(len(star.links))]  # fmt: skip
         active = jnp.where(gap < 0, row_weight(weight, strength), 0.0)
         contacts.append(Contact(point, levers, active, star.softness.stiffness * strength * gap))
-    return seam(Rows(frame, star.friction, contacts, _limits(star, body, joints)))
+    friction = star.friction if body.friction is None else body.friction
+    return seam(Rows(frame, friction, contacts, _limits(star, body, joints)))
 
 
 def _limits(star: Star, body: Body, joints: list) -> Limits:
