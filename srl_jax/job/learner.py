@@ -127,13 +127,13 @@ class Learner:
         """The replay's count, the lane's clock, and the key of the next update."""
         return jnp.int32(self.steps), jax.random.fold_in(self._key, self.updates + 1), self._pi_b
 
-    def _added(self, replay: replays.Replay, step: Step, count: jax.Array) -> replays.Replay:
-        fell = step.fell > 0.0
+    def _added(self, replay: replays.Replay, step: Any, count: jax.Array) -> replays.Replay:
+        fell = step.fell > 0.0  # a `Step` of arrays
         terms = tasks.reward_terms(self._env, step.progress, step.action, jnp.zeros((), bool), fell, goal_task=False)
         one = Transition(
             observation=step.observation,
             action=step.action,
-            reward=sum(terms),
+            reward=jnp.sum(jnp.stack(terms)),
             discount=1.0 - fell,
             next_observation=step.next_observation,
             chosen=jnp.zeros(()),

@@ -26,7 +26,7 @@ ALGOS = ("srl", "ddpg_warm")  # those that start from a policy
 STATE, STUDENT, EPISODES = "state.npz", "student.npz", "episodes"
 SAVE_EVERY = 100  # steps: five seconds
 BEHIND = 20  # steps whose updates are made up for; more are passed over
-NICE = 10  # of the learner, whom the walk goes before
+NICE = 5  # of the learner, whom the walk goes before
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,12 +125,12 @@ def attend(pipe: Connection, course: Course) -> None:
     from srl_jax.job.learner import Learner
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the walk's process ends this one, when it lies
-    os.nice(NICE)
     try:
         learner = Learner(course)
     except ValueError as error:
         pipe.send(str(error))
         return
+    os.nice(NICE)
     with contextlib.suppress(EOFError, OSError):
         pipe.send((learner.steps, learner.layers))
         _attend(pipe, learner)

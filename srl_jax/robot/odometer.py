@@ -34,8 +34,9 @@ class Odometer:
         self._start: np.ndarray | None = None
 
     def begin(self) -> None:
-        """From where it is now it is counted; where nobody knows, from the first line."""
-        self._start = None
+        """It is counted from the next line on; what was said before is forgotten, and may be old."""
+        self._stream.read()
+        self._waiting, self._heard, self._start = b"", -math.inf, None
 
     def come(self) -> float:
         """Metres; NaN where nobody has said it for `SILENCE`."""

@@ -136,7 +136,7 @@ class Poses:
         return sensed
 
     def _move(self, wanted: np.ndarray, joints: Sequence[int], angle: float | np.ndarray, speed: float) -> Sensed:
-        """Leads joints to an angle, or each to its own; `wanted` f[18] follows. Commands are near to where joints are."""
+        """Leads joints to an angle, or each to its own; `wanted` f[18] follows. Commands are near to them."""
         moving = list(joints)
         while True:
             began = self.clock.now()
