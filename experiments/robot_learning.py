@@ -15,8 +15,8 @@ import tyro
 
 from srl_jax import pretrained
 from srl_jax.env.damage_names import HEALTHY
+from srl_jax.job.course import Course
 from srl_jax.job.learner import Learner
-from srl_jax.job.learning import Course
 from srl_jax.portable import Policy
 from srl_jax.robot import bus, imu, safety, servo
 from srl_jax.robot.hexapod import Hexapod

@@ -13,11 +13,11 @@ from srl_jax.cli.deploy_options import Arguments
 from srl_jax.cli.ending import leave
 from srl_jax.cli.signals import StopSignals
 from srl_jax.env import damage_names
+from srl_jax.job.course import ALGOS
 from srl_jax.portable import Policy
 
 PROGRAM = "srl-jax deploy"
 NONE = "none"
-ALGOS = ("", "srl", "ddpg_warm")  # of learning; those that start from a policy
 TASK = "x"  # the one for which a robot need not know where it is
 
 
@@ -81,8 +81,8 @@ def _check_learning(arguments: Arguments) -> None:
             if value := getattr(arguments, name):
                 raise ValueError(f"{name} is {value!r} without --learn: give both, or leave it out.")
         return
-    if arguments.algo not in ALGOS:
-        raise ValueError(f"algo is {arguments.algo!r}: what a robot learns by is srl or ddpg_warm.")
+    if arguments.algo not in ("", *ALGOS):
+        raise ValueError(f"algo is {arguments.algo!r}: what a robot learns by is {' or '.join(ALGOS)}.")
     if arguments.dry_run:
         raise ValueError("dry-run is True: a robot that does not move learns nothing; leave out --learn.")
     if arguments.port and not arguments.odometer:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from srl_jax.cli import deploy_story
 from srl_jax.cli.deploy_options import Arguments
 from srl_jax.cli.signals import StopSignals
-from srl_jax.job.learning import STATE, STUDENT, Course, Remote
+from srl_jax.job.course import STATE, STUDENT, Course
+from srl_jax.job.learning import Remote
 from srl_jax.portable import Policy
 from srl_jax.robot import log
 from srl_jax.robot.clock import Clock

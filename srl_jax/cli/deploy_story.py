@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,19 +12,33 @@ from srl_jax.cli.deploy_options import Arguments
 from srl_jax.portable import Policy
 from srl_jax.robot import log, outing, servo
 from srl_jax.robot.bus import Bus
-from srl_jax.robot.clock import RealClock
+from srl_jax.robot.clock import Clock, RealClock
 from srl_jax.robot.dry import DryBus
 from srl_jax.robot.guard import Guard
 from srl_jax.robot.hexapod import Hexapod, Sensed
 from srl_jax.robot.imu import Imu
+from srl_jax.robot.lessons import Lessons
 from srl_jax.robot.loop import Loop, Outcome
 from srl_jax.robot.policy import Walker
 from srl_jax.robot.ports import BusLostError, LinePort, SerialPort
 from srl_jax.robot.safety import Poses, Watch
 
 if TYPE_CHECKING:
-    from srl_jax.cli.deploy_learn import Learning
     from srl_jax.robot.simulate.child import Simulated
+
+
+class Learning(Protocol):
+    """What makes lessons of a walk."""
+
+    def student(self, clock: Clock) -> Walker:
+        """Who walks."""
+        ...
+
+    def lessons(
+        self, poses: Poses, note: Callable[[log.Entry], None], react: Callable[[float, Sensed], None]
+    ) -> Lessons:
+        """Episodes of the student."""
+        ...
 
 
 class Told:
@@ -57,7 +71,7 @@ def go(
     repertoire: dict[str, Policy],
     simulated: "Simulated | None",
     stop: Callable[[], bool],
-    learning: "Learning | None" = None,
+    learning: Learning | None = None,
 ) -> int:
     """Walks as the arguments say, and learns where it is to; exit code 1 where it ended before its time.
 

@@ -18,7 +18,7 @@ from srl_jax import arrays, portable
 from srl_jax.agents import behaviour, hyper, registry
 from srl_jax.agents.settings import DDPGConfig
 from srl_jax.env import task as tasks
-from srl_jax.job.learning import EPISODES, SAVE_EVERY, STATE, STUDENT, Course, settings
+from srl_jax.job.course import EPISODES, SAVE_EVERY, STATE, STUDENT, Course, settings
 from srl_jax.portable import Layer
 from srl_jax.portable.policy import layers, parameters
 from srl_jax.program import replay as replays
@@ -75,11 +75,11 @@ class Learner:
         return self.steps >= self._warmup
 
     def remember(self, step: Step) -> None:
-        """A step goes into the replay; every few seconds of them all is saved."""
+        """A step goes into the replay; every few seconds of them all is saved before, the last step's updates too."""
+        if self.steps and self.steps % SAVE_EVERY == 0:
+            self.save()
         self._replay = self._add(self._replay, jax.tree.map(np.float32, step), jnp.int32(self.steps))
         self.steps += 1
-        if self.steps % SAVE_EVERY == 0:
-            self.save()
 
     def improve(self) -> None:
         """One update."""
