@@ -33,7 +33,8 @@ WITHOUT_JAX = (  # so that `--help` answers at once, and devices are set up befo
     *("export", "play", "cli.export", "cli.play", "portable.graph", "pretrained", "atlas.stored", "env.interface"),
     *("deploy", "cli.deploy", "cli.deploy_story", "cli.deploy_options", "cli.simulate", "env.senses"),
     *("robot.outing", "robot.log", "robot.guard", "robot.dry", "robot.simulate.terminal", "robot.simulate.wire"),
-    *("robot.simulate.child", "robot.simulate.__main__"),
+    *("robot.simulate.child", "robot.simulate.__main__", "robot.lessons", "robot.odometer"),
+    *("cli.deploy_learn", "job.course", "job.learning"),
     *("cli.main", "cli.run", "cli.repertoire", "cli.devices", "cli.ending", "cli.signals"),
     *(
         "cli.sweep",

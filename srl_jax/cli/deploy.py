@@ -13,6 +13,7 @@ from srl_jax.cli.deploy_options import Arguments
 from srl_jax.cli.ending import leave
 from srl_jax.cli.signals import StopSignals
 from srl_jax.env import damage_names
+from srl_jax.job.course import ALGOS
 from srl_jax.portable import Policy
 
 PROGRAM = "srl-jax deploy"
@@ -35,6 +36,10 @@ def _main(argv: list[str]) -> int:
         if error.name not in ("serial", "dynamixel_sdk"):
             raise
         raise ValueError("deploy needs the extra robot: pip install 'srl-jax[robot]'.") from None
+    if arguments.learn:
+        from srl_jax.cli import deploy_learn
+
+        return deploy_learn.go(arguments, next(iter(repertoire.values())), _ports(arguments))
     with _ports(arguments) as (bus, imu, simulated):
         return deploy_story.go(arguments, bus, imu, repertoire, simulated, StopSignals().requested)
 
@@ -66,13 +71,39 @@ def _check(arguments: Arguments) -> None:
             raise ValueError(f"{name} is {getattr(arguments, name)}: accepted is {least:g} to {most:g}.")
     if Path(arguments.log).is_dir():
         raise ValueError(f"log is {arguments.log}: give a file.")
+    _check_learning(arguments)
+
+
+def _check_learning(arguments: Arguments) -> None:
+    """Raises ValueError for what does not fit to learning, or needs it."""
+    if not arguments.learn:
+        for name in ("behaviour", "odometer", "resume"):
+            if value := getattr(arguments, name):
+                raise ValueError(f"{name} is {value!r} without --learn: give both, or leave it out.")
+        return
+    if arguments.algo not in ("", *ALGOS):
+        raise ValueError(f"algo is {arguments.algo!r}: what a robot learns by is {' or '.join(ALGOS)}.")
+    if arguments.dry_run:
+        raise ValueError("dry-run is True: a robot that does not move learns nothing; leave out --learn.")
+    if arguments.port and not arguments.odometer:
+        raise ValueError(
+            "odometer is missing: a reward needs how far the robot has come, which none of its own sensors tells; give "
+            "the port of an odometer."
+        )
+    if arguments.simulate and arguments.odometer:
+        raise ValueError(f"odometer is {arguments.odometer!r}: a simulated robot has its own; leave it out.")
+    if arguments.behaviour and arguments.policy != Arguments.policy:
+        raise ValueError(f"policy is {arguments.policy!r} and behaviour {arguments.behaviour!r}: leave one out.")
+    for name, least, most in (("episode", 0.5, 600.0), ("updates", 1, 100), ("seed", 0, 2**31 - 1)):
+        if not least <= getattr(arguments, name) <= most:
+            raise ValueError(f"{name} is {getattr(arguments, name)}: accepted is {least:g} to {most:g}.")
 
 
 def _repertoire(arguments: Arguments) -> dict[str, Policy]:
     """Policies by the damage that they are for; first the one that walks first."""
     from srl_jax.robot.policy import checked
 
-    name, first = arguments.policy, damage_names.canonical(arguments.trained_for)
+    name, first = arguments.behaviour or arguments.policy, damage_names.canonical(arguments.trained_for)
     if name == play.TRIPOD:
         raise ValueError(
             "policy is 'tripod', a script that needs jax: give atlas, or a file of python -m srl_jax.export."
@@ -86,9 +117,9 @@ def _repertoire(arguments: Arguments) -> dict[str, Policy]:
         tasks = [policy.about.get("task") for policy in others]
         # Where all are for another task, `checked` says so in a sentence about robots.
         task = TASK if TASK in tasks else str(tasks[0])
-        chosen = checked(play.one(others, Path(name), task, first, arguments.algo))
+        chosen = checked(play.one(others, Path(name), task, first, "" if arguments.learn else arguments.algo))
     found = {first: chosen}
-    for policy in others if arguments.switch else []:
+    for policy in others if arguments.switch and not arguments.learn else []:
         if all(policy.about.get(key) == chosen.about.get(key) for key in ("task", "kind", "algo")):
             found.setdefault(policy.about["damage"], policy)
     return found

@@ -37,6 +37,22 @@ class Arguments:
     """JSON of joints that differ from the kit: {"tibia_rf": {"zero": 498, "sign": -1}}."""
     log: str = "walk.jsonl"
     """What is left of the walk, a line a step."""
+    learn: bool = False
+    """Learn while it walks, in episodes; Enter ends an episode. With --algo srl (the default) or ddpg_warm."""
+    behaviour: str = ""
+    """With --learn: the policy that it starts from and is guided by, as POLICY; empty: POLICY."""
+    odometer: str = ""
+    """With --learn and --port: where lines that say how far it has come are read; a simulated robot has its own."""
+    episode: float = 5.0
+    """With --learn: seconds after which it takes the stance anew."""
+    updates: int = 2
+    """With --learn: of the networks, a control step at most, as time allows."""
+    out: str = "learned"
+    """With --learn: a directory for what it learns, saved every five seconds."""
+    resume: str = ""
+    """With --learn: such a directory, to go on from; --seconds counts what was walked before."""
+    seed: int = 0
+    """With --learn: of noise, batches and networks."""
     dry_run: bool = False
     """Write nothing to the servos; print what would be sent."""
     damage: str = damage_names.HEALTHY

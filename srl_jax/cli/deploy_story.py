@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,18 +12,33 @@ from srl_jax.cli.deploy_options import Arguments
 from srl_jax.portable import Policy
 from srl_jax.robot import log, outing, servo
 from srl_jax.robot.bus import Bus
-from srl_jax.robot.clock import RealClock
+from srl_jax.robot.clock import Clock, RealClock
 from srl_jax.robot.dry import DryBus
 from srl_jax.robot.guard import Guard
 from srl_jax.robot.hexapod import Hexapod, Sensed
 from srl_jax.robot.imu import Imu
+from srl_jax.robot.lessons import Lessons
 from srl_jax.robot.loop import Loop, Outcome
 from srl_jax.robot.policy import Walker
-from srl_jax.robot.ports import BusLostError, ImuPort, SerialPort
+from srl_jax.robot.ports import BusLostError, LinePort, SerialPort
 from srl_jax.robot.safety import Poses, Watch
 
 if TYPE_CHECKING:
     from srl_jax.robot.simulate.child import Simulated
+
+
+class Learning(Protocol):
+    """What makes lessons of a walk."""
+
+    def student(self, clock: Clock) -> Walker:
+        """Who walks."""
+        ...
+
+    def lessons(
+        self, poses: Poses, note: Callable[[log.Entry], None], react: Callable[[float, Sensed], None]
+    ) -> Lessons:
+        """Episodes of the student."""
+        ...
 
 
 class Told:
@@ -56,8 +71,9 @@ def go(
     repertoire: dict[str, Policy],
     simulated: "Simulated | None",
     stop: Callable[[], bool],
+    learning: Learning | None = None,
 ) -> int:
-    """Walks as the arguments say; exit code 1 where it ended before its time.
+    """Walks as the arguments say, and learns where it is to; exit code 1 where it ended before its time.
 
     Raises:
         ValueError: a port cannot be opened, or nobody answers.
@@ -66,22 +82,25 @@ def go(
     port = SerialPort(bus_name, clock)
     port.openPort()
     bus = (DryBus if arguments.dry_run else Bus)(port, calibration.ranges())
-    imu = Imu(ImuPort(imu_name), clock, arguments.imu_axes) if imu_name else None
+    imu = Imu(LinePort(imu_name), clock, arguments.imu_axes) if imu_name else None
     robot = Hexapod(bus, imu, calibration, servo.Servos())
     first, policy = next(iter(repertoire.items()))
-    walker = Walker(policy)
+    walker = learning.student(clock) if learning else Walker(policy)
     about = {"policy": arguments.policy, "trained_for": first, "version": __version__}
     writer = log.Writer(Path(arguments.log), about)
-    told = Told(walker, repertoire, robot)
+    told = Told(walker, {} if learning else repertoire, robot)
     if simulated and arguments.strike:
         told.strike = (arguments.strike, simulated)
-    loop = Loop(robot, walker, clock, watch, stop, writer.add, told.react)
+    poses = Poses(robot, clock, watch, stop)
+    walk = Loop(robot, walker, clock, watch, stop, writer.add, told.react)
+    if learning:
+        walk = learning.lessons(poses, writer.add, told.react)
     guard = None if arguments.dry_run else Guard(bus_name)
     places: list[Any] = []
     try:
         reason = outing.go(
-            Poses(robot, clock, watch, stop),
-            loop,
+            poses,
+            walk,
             arguments.seconds,
             torque=arguments.torque,
             stood=lambda: places.append(_stood(robot, simulated)),
@@ -92,7 +111,7 @@ def go(
             guard.dismiss()
         with suppress(BusLostError, OSError):
             port.closePort()
-    _tell(loop.outcome, robot, places, simulated)
+    _tell(walk.outcome, robot, places, simulated)
     print(f"Log: {arguments.log}")
     if reason:
         print(f"It ended before its time: {reason}.")

@@ -17,8 +17,8 @@ PROGRAM = "python -m srl_jax.robot.simulate"
 
 @dataclass(frozen=True)
 class Arguments:
-    """Be a PhantomX: an adapter with 18 AX-12A on one pseudo-terminal and an inertial unit on another, in real time,
-    with C MuJoCo behind them. The names of both are printed; it serves until it is interrupted."""
+    """Be a PhantomX: an adapter with 18 AX-12A on one pseudo-terminal, an inertial unit on another, and an odometer on
+    a third, in real time, with C MuJoCo behind them. Their names are printed; it serves until it is interrupted."""
 
     damage: str = damage_names.HEALTHY
     """A name such as leg_rm or tibia_rf:limp+femur_lm, or healthy."""
@@ -33,7 +33,7 @@ class Arguments:
     seed: int = 0
     """Of faults and noise."""
     orders: bool = False
-    """Obey lines of the standard input (strike, unplug, report), and end with it."""
+    """Obey lines of the standard input (strike, unplug, right, report), and end with it."""
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -56,7 +56,7 @@ def _main(argv: list[str]) -> int:
     body = Body(first, now=time.monotonic(), seed=arguments.seed, noise=arguments.noise)
     line = Line(body.servos, given, arguments.latency / 1000.0, arguments.seed)
     terminal = Terminal(body, line, damage, arguments.strike or float("inf"))
-    print(json.dumps({"bus": terminal.bus, "imu": terminal.imu}), flush=True)
+    print(json.dumps({name: getattr(terminal, name) for name in ("bus", "imu", "odometer")}), flush=True)
     try:
         terminal.serve(sys.stdin.fileno() if arguments.orders else None)
     except KeyboardInterrupt:

@@ -120,3 +120,13 @@ def layers(actor: Mapping[str, Any]) -> tuple[Layer, ...]:
         found.append(Layer(dense["kernel"], dense["bias"], norm.get("scale"), norm.get("bias")))
     found.append(Layer(params["action"]["kernel"], params["action"]["bias"]))
     return tuple(layer.map(lambda value: np.asarray(value, np.float32)) for layer in found)
+
+
+def parameters(layers: Sequence[Layer]) -> dict[str, Any]:
+    """The parameters of `agents.networks.Actor` that layers are: what `layers` undoes."""
+    torso: dict[str, Any] = {}
+    for number, layer in enumerate(layers[:-1]):
+        torso[f"Dense_{number}"] = {"kernel": layer.kernel, "bias": layer.bias}
+        if layer.scale is not None:
+            torso[f"LayerNorm_{number}"] = {"scale": layer.scale, "bias": layer.shift}
+    return {"params": {"Torso_0": torso, "action": {"kernel": layers[-1].kernel, "bias": layers[-1].bias}}}

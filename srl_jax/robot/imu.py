@@ -34,20 +34,32 @@ def line(gravity: np.ndarray, rate: np.ndarray) -> bytes:
     """The line that says a direction of gravity f[3] and a turning rate f[3] (rad/s)."""
     numbers = [round(float(x) / UNIT) for x in gravity] + [round(float(x) / RATE) for x in rate]
     text = ",".join(["G", *map(str, numbers)])
+    return sealed(text)
+
+
+def sealed(text: str) -> bytes:
+    """A line of a text, with its sum."""
     return f"${text}*{_sum(text.encode()):02X}\n".encode()
 
 
-def parse(text: bytes) -> tuple[np.ndarray, np.ndarray] | None:
-    """Gravity f64[3], of length 1, and turning rate f64[3] (rad/s) of a line; None where it does not add up."""
+def numbers_of(text: bytes, name: bytes, count: int) -> np.ndarray | None:
+    """The whole numbers f64[count] of a line that begins with a name; None where it is not one, or does not add up."""
     body, star, check = text.strip().partition(b"*")
     fields = body[1:].split(b",")
-    if not (body.startswith(b"$G,") and star and len(fields) == 7 and len(text) <= LONGEST):
+    if not (body.startswith(b"$" + name + b",") and star and len(fields) == 1 + count and len(text) <= LONGEST):
         return None
     try:
         if int(check, 16) != _sum(body[1:]):
             return None
-        numbers = np.array([int(field) for field in fields[1:]], float)
+        return np.array([int(field) for field in fields[1:]], float)
     except (ValueError, OverflowError):
+        return None
+
+
+def parse(text: bytes) -> tuple[np.ndarray, np.ndarray] | None:
+    """Gravity f64[3], of length 1, and turning rate f64[3] (rad/s) of a line; None where it does not add up."""
+    numbers = numbers_of(text, b"G", 6)
+    if numbers is None:
         return None
     length = float(np.linalg.norm(numbers[:3])) * UNIT
     if not 0.8 < length < 1.2 or np.abs(numbers[3:]).max() * RATE > 40.0:

@@ -2,16 +2,24 @@
 
 import contextlib
 from collections.abc import Callable
+from typing import Protocol
 
 from srl_jax.env.anatomy import JOINTS, LEGS, SEGMENTS
 from srl_jax.env.damage_names import HEALTHY, canonical
-from srl_jax.robot.loop import Loop
 from srl_jax.robot.ports import BusLostError
 from srl_jax.robot.safety import Poses, StoppedError
 
 
+class Walk(Protocol):
+    """What is done while it stands: a `Loop`, or lessons of many."""
+
+    def run(self, seconds: float) -> object:
+        """Walks for so long; errors as `Loop.run`."""
+        ...
+
+
 def go(
-    poses: Poses, loop: Loop, seconds: float, *, torque: float = 1.0, stood: Callable[[], None] = lambda: None
+    poses: Poses, walk: Walk, seconds: float, *, torque: float = 1.0, stood: Callable[[], None] = lambda: None
 ) -> str:
     """Stands up, walks for so long, and lies down.
 
@@ -20,7 +28,7 @@ def go(
 
     Args:
         poses: of the robot.
-        loop: of the same robot.
+        walk: of the same robot.
         seconds: of walking.
         torque: share of a servo's torque that it may use.
         stood: is called when it stands.
@@ -36,7 +44,7 @@ def go(
         poses.rise(torque)
         stood()
         if not poses.stop():
-            loop.run(seconds)
+            walk.run(seconds)
         asked = poses.stop()
         poses.lie_down()
         return "it was asked to" * asked

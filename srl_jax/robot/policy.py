@@ -25,11 +25,15 @@ class Walker:
         """From the next step on another policy walks, from where the clock stands; errors as `checked`."""
         self.policy = checked(policy)
 
-    def act(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
-        """What the policy sees f32[O], and its action f32[18] in [-1, 1]."""
+    def see(self, senses: Senses) -> np.ndarray:
+        """What the policy is shown, f32[O]."""
         about = self.policy.about
         phase = np.float32(self.phase)
-        seen = np.asarray(observation(senses, phase, task=about["task"], kind=about["kind"], xp=np), np.float32)
+        return np.asarray(observation(senses, phase, task=about["task"], kind=about["kind"], xp=np), np.float32)
+
+    def act(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
+        """What the policy sees f32[O], and its action f32[18] in [-1, 1]."""
+        seen = self.see(senses)
         return seen, np.clip(self.policy(seen), -1.0, 1.0)
 
     def advance(self, steps: int = 1) -> None:

@@ -98,11 +98,11 @@ def lost() -> Iterator[None]:
         raise BusLostError(str(error)) from error
 
 
-class ImuPort:
-    """The serial port of an inertial unit."""
+class LinePort:
+    """The serial port of what speaks in lines: an inertial unit, an odometer."""
 
-    def __init__(self, name: str, baud: int = 115_200) -> None:
-        """Opens it.
+    def __init__(self, name: str, what: str = "imu", baud: int = 115_200) -> None:
+        """Opens it; `what` is how the command line calls it.
 
         Raises:
             ValueError: there is no such port, or it is no serial port.
@@ -110,7 +110,7 @@ class ImuPort:
         try:
             self._serial = serial.Serial(name, baud, timeout=0)
         except (OSError, termios.error) as error:
-            raise ValueError(f"imu is {name}: it cannot be opened as a serial port ({error}).") from None
+            raise ValueError(f"{what} is {name}: it cannot be opened as a serial port ({error}).") from None
 
     def read(self) -> bytes:
         """All that have come; a port that has gone says nothing, which is noticed by its silence."""

@@ -20,6 +20,10 @@ class StoppedError(Exception):
     """The robot must not go on; says why."""
 
 
+class TippedError(StoppedError):
+    """It has tipped over, which somebody may put right."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """Beyond which the torque is taken off at once."""
@@ -48,7 +52,7 @@ class Watch:
         self._tilted = self._tilted + 1 if upright < limits.tilt else 0
         self._low = self._low + 1 if sensed.voltage < limits.voltage else 0
         if self._tilted >= limits.patience:
-            raise StoppedError(f"it has tipped over: upright is {upright:.2f}, at least {limits.tilt} is accepted")
+            raise TippedError(f"it has tipped over: upright is {upright:.2f}, at least {limits.tilt} is accepted")
         if self._low >= limits.patience:
             raise StoppedError(f"voltage is {sensed.voltage:.1f} V, at least {limits.voltage} is accepted")
         if sensed.temperature > limits.temperature:
@@ -94,6 +98,10 @@ class Poses:
                 sensed = self._move(wanted, [joint], angle, SLOW)
         return self._move(wanted, FEMURS, STANDING[FEMURS[0]], TOGETHER)
 
+    def stand(self) -> Sensed:
+        """From a pose of its walk to the stance, all joints together; errors as `rise`, and what it felt last."""
+        return self._move(self._sense().angles.copy(), range(18), STANDING, TOGETHER)
+
     def lie_down(self) -> None:
         """From any pose onto the belly, then without torque. What stops others does not stop this, a lost bus does."""
         self.watch = Watch(Limits(tilt=-1.0, temperature=999, voltage=0.0, quiet=np.inf))
@@ -127,8 +135,8 @@ class Poses:
             raise StoppedError("it was asked to")
         return sensed
 
-    def _move(self, wanted: np.ndarray, joints: Sequence[int], angle: float, speed: float) -> Sensed:
-        """Leads joints to an angle; `wanted` f[18] follows. Every command is near to where the joint is."""
+    def _move(self, wanted: np.ndarray, joints: Sequence[int], angle: float | np.ndarray, speed: float) -> Sensed:
+        """Leads joints to an angle, or each to its own; `wanted` f[18] follows. Commands are near to them."""
         moving = list(joints)
         while True:
             began = self.clock.now()

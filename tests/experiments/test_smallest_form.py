@@ -33,6 +33,7 @@ WORDS = {  # OUT is a file, RUN a finished run, ATLAS an atlas
     "recovery": "ATLAS --rows pairs --methods posterior trials --robots 6 --seconds 2 --figure OUT",
     "render_robot": "--width 40 --height 30 --oversample 1 --painter plain --path OUT",
     "robot_bus": "--rows faults losses fuzz --seconds 1 --starts 1 --legs rm --packets 100",
+    "robot_learning": "--minutes 0.02 --episodes 1 --updates 1 --figure OUT",
     "robot_posterior": "RUN --seeds 2 --robots 1 --visits 2 --horizon 4 --draws 20",
     "self_model": "--damages tibia_rm,leg_rm --motions 2 --probes 1 --steps 3 --seeds 2 --out OUT",
     "shipped": "--tasks x --names srl --seconds 0.1 --starts 1",
@@ -55,6 +56,7 @@ SHOWN = {  # a part of what is printed
     "recovery": "thought of first / policy",
     "render_robot": ".png",
     "robot_bus": "refused, 0 packets sent",
+    "robot_learning": "24 steps learned from, 0 updates",
     "robot_posterior": "all",
     "self_model": "2 damages, 2 seeds, truth in mjx",
     "shipped": "tibia_rf",
@@ -65,7 +67,7 @@ SHOWN = {  # a part of what is printed
 }
 SLOW = {
     *("cross_check", "estimator", "healthy_value", "peers", "physics_error"),
-    *("plain_loop", "robot_posterior", "self_model", "teaching", "throughput", "tune_gait"),
+    *("plain_loop", "robot_learning", "robot_posterior", "self_model", "teaching", "throughput", "tune_gait"),
 }
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)
 # On runs that are finished: see the tests of their names.

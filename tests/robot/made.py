@@ -30,3 +30,12 @@ def made(damage="healthy", given="", seed=0):
     wire, calibration = Wire(clock, faults(given), seed=seed), servo.Calibration()
     robot = Hexapod(Bus(wire, calibration.ranges()), imu.Imu(clock, clock), calibration, servo.Servos())
     return Made(body, clock, wire, robot)
+
+
+def standing(**more):
+    """A robot in its stance, with the torque on."""
+    own = made(**more)
+    own.robot.find()
+    own.body.data.qpos[:] = own.body._model.key("stance").qpos
+    own.robot.send(own.robot.calibration.steps(servo.STANDING))
+    return own

@@ -10,22 +10,12 @@ from srl_jax.robot import log, outing, safety, servo
 from srl_jax.robot.loop import Loop
 from srl_jax.robot.policy import Walker
 from srl_jax.robot.ports import BusLostError
-from srl_jax.robot.servo import STANDING
-from tests.robot.made import made
+from tests.robot.made import made, standing
 
 
 @pytest.fixture(scope="module")
 def policy():
     return pretrained.load("atlas", task="x", damage="healthy")
-
-
-def standing(**more):
-    """A robot in its stance, with the torque on."""
-    own = made(**more)
-    own.robot.find()
-    own.body.data.qpos[:] = own.body._model.key("stance").qpos
-    own.robot.send(own.robot.calibration.steps(STANDING))
-    return own
 
 
 def loop(own, policy, **more):

@@ -7,7 +7,7 @@ import numpy as np
 
 from srl_jax.env.anatomy import JOINTS
 from srl_jax.env.damage_names import HEALTHY
-from srl_jax.robot import imu
+from srl_jax.robot import imu, odometer
 from srl_jax.robot.simulate.ax12 import Servo
 from srl_jax.robot.table import IDS, STALL
 
@@ -92,6 +92,22 @@ class Body:
         """What the inertial unit has said since this was last asked."""
         said, self._lines = self._lines, b""
         return said
+
+    def placed(self) -> bytes:
+        """The line of an odometer that knows where it is."""
+        return odometer.line(self.data.qpos[:2], self._heading)
+
+    def right(self) -> None:
+        """Somebody puts it on its feet where it is, its front where it was; without torque it lies down."""
+        place, heading = self.data.qpos[:2].copy(), self._heading
+        self.data.qpos[:] = self._model.key("stance").qpos
+        self.data.qpos[:2] = place
+        self.data.qpos[3:7] = np.cos(heading / 2.0), 0.0, 0.0, np.sin(heading / 2.0)
+        self.data.qvel[:] = 0.0
+
+    @property
+    def _heading(self) -> float:
+        return float(np.arctan2(self.frame[1, 0], self.frame[0, 0]))
 
     @property
     def frame(self) -> np.ndarray:

@@ -27,7 +27,7 @@ class Simulated:
         except ValueError:
             said = self._process.communicate()[1].strip()
             raise ValueError(f"the simulation has ended: {said.removeprefix('srl_jax: ')}") from None
-        self.bus, self.imu = names["bus"], names["imu"]
+        self.bus, self.imu, self.odometer = (names[name] for name in ("bus", "imu", "odometer"))
 
     def strike(self) -> None:
         """Its damage strikes."""
@@ -36,6 +36,10 @@ class Simulated:
     def unplug(self) -> None:
         """The bus hangs up."""
         self._tell("unplug")
+
+    def right(self) -> None:
+        """Somebody puts it on its feet."""
+        self._tell("right")
 
     def report(self) -> dict[str, Any]:
         """Where it is and what it does, see `Body.report`."""

@@ -16,7 +16,7 @@ CHUNK = 4096  # bytes
 
 
 class Terminal:
-    """Two raw pseudo-terminals: the servos' bus and the inertial unit's line."""
+    """Three raw pseudo-terminals: the servos' bus, the inertial unit's line, and that of who sees where it is."""
 
     def __init__(self, body: Body, line: Line, damage: str, strike: float) -> None:
         """Opens them.
@@ -30,11 +30,11 @@ class Terminal:
         self.body, self.line, self.damage = body, line, damage
         self._strike = time.monotonic() + strike
         body.prepare(damage)
-        self._ends = [pty.openpty() for _ in range(2)]  # our end and that of the host, which we keep open too
+        self._ends = [pty.openpty() for _ in range(3)]  # our end and that of the host, which we keep open too
         for ours, theirs in self._ends:
             tty.setraw(theirs)
             os.set_blocking(ours, False)
-        self.bus, self.imu = (os.ttyname(theirs) for _, theirs in self._ends)
+        self.bus, self.imu, self.odometer = (os.ttyname(theirs) for _, theirs in self._ends)
         self._coming: list[Answer] = []
         self._plugged = True
         self._turned, self._stall = time.monotonic(), 0.0  # s that it has not been let run, at worst
@@ -44,8 +44,9 @@ class Terminal:
 
         Args:
             orders: a file descriptor; lines on it are obeyed, and it serves until their end. ``strike``: the damage
-                strikes. ``unplug``: the bus hangs up. ``report``: a line of JSON on the standard output says where the
-                robot is and what it does, and for how long the machine has not let it run at worst since the last.
+                strikes. ``unplug``: the bus hangs up. ``right``: it is put on its feet. ``report``: a line of JSON on
+                the standard output says where the robot is and what it does, and for how long the machine has not let
+                it run at worst since the last.
         """
         said = b""
         while True:
@@ -65,7 +66,7 @@ class Terminal:
 
     def close(self) -> None:
         """Hangs up."""
-        for end in (*(self._ends[0] if self._plugged else ()), *self._ends[1]):
+        for end in (*(self._ends[0] if self._plugged else ()), *self._ends[1], *self._ends[2]):
             os.close(end)
 
     def _turn(self) -> None:
@@ -79,6 +80,7 @@ class Terminal:
         self.body.advance(now)
         if lines := self.body.lines():
             self._say(1, lines)
+            self._say(2, self.body.placed())
 
     def _hear(self) -> None:
         now = time.monotonic()
@@ -98,6 +100,8 @@ class Terminal:
             self._plugged = False
             for end in self._ends[0]:
                 os.close(end)
+        elif order == "right":
+            self.body.right()
         elif order == "report":
             found = self.body.report() | {"heard": self.line.heard, "stall": self._stall}
             print(json.dumps(found), flush=True)

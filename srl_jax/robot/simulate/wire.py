@@ -31,6 +31,18 @@ class Lockstep:
         return self.body.lines()
 
 
+class Overhead:
+    """The stream of an odometer that sees a simulated robot."""
+
+    def __init__(self, clock: Lockstep) -> None:
+        self._clock = clock
+
+    def read(self) -> bytes:
+        """Where it is now."""
+        self._clock.body.advance(self._clock.now())
+        return self._clock.body.placed()
+
+
 class Wire(Port):
     """The port of a simulated line."""
 
