@@ -86,7 +86,7 @@ def go(
     robot = Hexapod(bus, imu, calibration, servo.Servos())
     first, policy = next(iter(repertoire.items()))
     walker = learning.student(clock) if learning else Walker(policy)
-    about = {"policy": arguments.policy, "trained_for": first, "version": __version__}
+    about = {"policy": arguments.behaviour or arguments.policy, "trained_for": first, "version": __version__}
     writer = log.Writer(Path(arguments.log), about)
     told = Told(walker, {} if learning else repertoire, robot)
     if simulated and arguments.strike:

@@ -89,8 +89,11 @@ def attend(pipe: Connection, course: Course) -> None:
         pipe.send(str(error))
         return
     os.nice(NICE)
-    with contextlib.suppress(EOFError, OSError):
+    try:
         pipe.send((learner.steps, learner.layers))
+    except OSError:
+        return  # nobody waits any more; somebody else may have gone on meanwhile, and nothing is to be saved
+    with contextlib.suppress(EOFError, OSError):
         _attend(pipe, learner)
     learner.save()
 
