@@ -66,7 +66,7 @@ SHOWN = {  # a part of what is printed
     "tune_gait": "x_in_fine_c",
 }
 SLOW = {
-    *("cross_check", "estimator", "healthy_value", "peers", "physics_error"),
+    *("cross_check", "estimator", "healthy_value", "lqr", "peers", "pendulum", "physics_error", "recovery"),
     *("plain_loop", "robot_learning", "robot_posterior", "self_model", "teaching", "throughput", "tune_gait"),
 }
 OBSERVATION = np.zeros(observation_size("p2p", preset("smoke").env), np.float32)

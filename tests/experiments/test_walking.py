@@ -15,6 +15,7 @@ def written(directory, **changed):
     return directory
 
 
+@pytest.mark.slow
 def test_four_robots_are_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(walking, "use_devices", lambda *_, **__: 1)
     monkeypatch.setattr(walking, "BEFORE", 4)

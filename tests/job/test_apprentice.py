@@ -27,6 +27,7 @@ def test_a_lesson_is_srl_on_what_the_atlas_is_for(atlas):
     assert config.srl.hidden == (8, 8) and config.env.stride_starts > 0.0
 
 
+@pytest.mark.slow
 def test_stages_come_one_after_the_other_from_the_policy_that_was_given(atlas, apprentice):
     first = policy(atlas, 1)
     early, late = apprentice.learn("leg_rm+leg_lf", first, (400, 800))  # the actor is frozen for 400 steps
@@ -35,6 +36,7 @@ def test_stages_come_one_after_the_other_from_the_policy_that_was_given(atlas, a
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(late))
 
 
+@pytest.mark.slow
 def test_the_same_is_learned_again_and_other_damage_asks_for_no_other_program(atlas, apprentice):
     taught = [
         next(iter(apprentice.learn(name, policy(atlas, 0), (800,)))) for name in ("leg_rf", "leg_rf", "femur_lm:limp")

@@ -18,6 +18,7 @@ def config_of(damage, observation="onboard", history=0):
     return dataclasses.replace(base, task="x", algos="srl", seeds="1", damage=damage, env=env)
 
 
+@pytest.mark.slow
 def test_it_has_every_student_under_every_damage(tmp_path, monkeypatch):
     monkeypatch.setattr(atlas, "WALKS", 1)
     monkeypatch.setattr(atlas, "STEPS", 5)

@@ -43,6 +43,7 @@ def other(engine, tiny, teachers):
     return one, data, start.init_state(one, data)
 
 
+@pytest.mark.slow
 def test_a_run_moves_to_other_devices_and_back_without_losing_a_bit(engine, data, fresh, trained, other, tmp_path):
     state, tally = trained(data, 11)
     saved(tmp_path / "two", engine, state, data, tally)
