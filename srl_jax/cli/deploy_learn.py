@@ -119,13 +119,16 @@ def go(arguments: Arguments, policy: Policy, ports: AbstractContextManager[tuple
     if there and not arguments.resume:
         raise ValueError(f"out is {folder}, where something is learned already: give another, or --resume {folder}.")
     course = Course(policy, folder, arguments.algo or "srl", arguments.updates, arguments.seed, there)
-    with Remote(course) as learner, ports as (bus, imu, simulated):
-        if learner.steps:
-            print(f"It goes on after {learner.steps} steps.", flush=True)
-        stop = StopSignals().requested
-        odometer = simulated.odometer if simulated else arguments.odometer
-        learning = Learning(arguments, policy, course, learner, odometer, simulated, stop)
-        own = {arguments.trained_for: policy}
-        code = deploy_story.go(arguments, bus, imu, own, simulated, stop, learning)
+    try:
+        with Remote(course) as learner, ports as (bus, imu, simulated):
+            if learner.steps:
+                print(f"It goes on after {learner.steps} steps.", flush=True)
+            stop = StopSignals().requested
+            odometer = simulated.odometer if simulated else arguments.odometer
+            learning = Learning(arguments, policy, course, learner, odometer, simulated, stop)
+            own = {arguments.trained_for: policy}
+            code = deploy_story.go(arguments, bus, imu, own, simulated, stop, learning)
+    except KeyboardInterrupt:  # before anything moves: from then on it is a signal to lie down
+        return 128 + 2
     print(f"What it has learned: {folder / STUDENT}, a policy to deploy; with --resume {folder} it goes on.")
     return code
