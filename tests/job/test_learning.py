@@ -198,6 +198,7 @@ def test_another_course_is_one_sentence(other, message, policy, quick, tmp_path)
         Learner(dataclasses.replace(Course(policy, tmp_path, resume=True), **other))
 
 
+@pytest.mark.slow
 def test_a_learner_beside_the_walk_answers_and_goes_on_after_kill_9(policy, tmp_path):
     course = Course(policy, tmp_path)
     with contextlib.ExitStack() as stack:
