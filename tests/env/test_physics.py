@@ -103,6 +103,7 @@ def test_an_accelerator_measures_the_robot_that_is_asked_for(gpu):
     assert timed == [(True, 7), (False, 7)]
 
 
+@pytest.mark.slow
 def test_steps_of_both_steppers_are_timed():
     model = put_model(hopper())
     for star in (physics.choose("star", model), None):

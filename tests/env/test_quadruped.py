@@ -131,6 +131,7 @@ def test_it_is_a_star_of_its_own():
     assert star is not physics.shipped_star() and physics.shipped_star() is physics.shipped_star(PHANTOMX)
 
 
+@pytest.mark.slow
 def test_both_steppers_move_it_alike(model):
     paths = attempt([mujoco.MjData(model)] * 64, spread=0.1).paths
     differences = largest(paths.single, paths.expected)

@@ -25,6 +25,7 @@ def measured(engine, data, fresh):
     return evaluate
 
 
+@pytest.mark.slow
 def test_it_counts_the_episodes_that_were_asked_for(measured):
     for episodes in (1, 2, 3, 5):
         _, tally, finite = measured(episodes)

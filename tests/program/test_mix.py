@@ -19,6 +19,8 @@ from tests.conftest import DEVICES
 from tests.program.mixed import MIX, K, config
 from tests.program.rows import assert_same
 
+pytestmark = pytest.mark.slow
+
 E = 4
 READING = slice(4, 25)  # of an onboard observation: gravity and joint angles
 JOINTS = slice(7, 25)

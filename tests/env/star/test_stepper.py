@@ -12,7 +12,7 @@ from tests.env.star.reference import STEPS, Trial, attempt, in_c, largest
 ROBOTS = {2: 1_000, 1: 304}  # by Newton iterations, the shipped number first; 76 damages in four kinds of state: 304
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=[2, pytest.param(1, marks=pytest.mark.slow)])
 def trial(request) -> Trial:
     """Robots of the whole catalogue, with two Newton iterations and with one; a compiled program each."""
     kinds = [mujoco.MjData(damage.damaged_model(name)) for name in catalogue()]
