@@ -27,6 +27,7 @@ def _browser():
 def watched(browser, **options):
     """A new page; a console error, an exception or a request to elsewhere fails the test when it is closed."""
     errors, page = [], browser.new_page(**options)
+    page.set_default_timeout(120_000)  # drawing without a GPU takes its time on a busy machine
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     page.on("request", lambda asked: errors.append(asked.url) if not asked.url.startswith(LOCAL) else None)

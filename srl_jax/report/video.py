@@ -47,7 +47,9 @@ def render(
     """
     poses = np.asarray(rollout.qpos, np.float64)
     if poses.ndim != 2:
-        raise ValueError(f"rollout.qpos has {poses.ndim} axes; one episode [T, J + 7] is accepted: pick a row.")
+        raise ValueError(
+            f"rollout.qpos has {poses.ndim} axes; one episode [T, {poses.shape[-1]}] is accepted: pick a row."
+        )
     poses = poses[: int(rollout.length)]
     goal = np.asarray(rollout.goal, np.float64)
     marker = (goal, goal_radius, GOAL) if goal.any() else None
