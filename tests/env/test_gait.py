@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import pytest
 from srl_jax.env import damage, gait, hexapod
 from srl_jax.env.anatomy import LEGS, PHANTOMX
 from srl_jax.env.settings import EnvConfig
+from tests.env.walks import in_every_direction
 
 RF_RR_LM = [LEGS.index(leg) for leg in ("rf", "rr", "lm")]
 RM_LF_LR = [LEGS.index(leg) for leg in ("rm", "lf", "lr")]
@@ -93,20 +95,7 @@ def test_healthy_robot_walks_in_every_direction():
     parameters = gait.load()
     robot = hexapod.make("p2p", EnvConfig(), float(parameters.frequency))
     healthy = damage.build("healthy")
-
-    def walk(goal, key):
-        def control(carry, _):
-            state, observation = carry
-            state, out = hexapod.step(robot, healthy, state, gait.act(parameters, observation))
-            return (state, out.observation), (state.qpos[:3], out.fell)
-
-        state = hexapod.reset(robot, healthy, key)[0]._replace(goal=goal)
-        return jax.lax.scan(control, (state, hexapod.observe(robot, healthy, state)), None, length=100)[1]
-
-    angle = np.array([0.0, np.pi / 2, np.pi, -np.pi / 2])
-    far = 100.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    path, fell = jax.jit(jax.vmap(walk))(jnp.float32(far), jax.random.split(jax.random.key(5), 4))
-    speed = np.sum(np.asarray(path)[:, -1, :2] * far, axis=1) / 100.0 / 5.0
+    path, fell, speed = in_every_direction(robot, healthy, partial(gait.act, parameters))
     assert not np.any(fell)
     assert np.all(np.asarray(path)[..., 2] > 0.06)
     assert speed[0] >= 0.3

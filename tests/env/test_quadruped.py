@@ -1,5 +1,7 @@
 """The quadruped that ships: its body, its damage, its physics by both steppers, and that it trots."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -11,6 +13,7 @@ from srl_jax.env.anatomy import PHANTOMX, QUADRUPED
 from srl_jax.env.model import feet, load_model, stance
 from srl_jax.env.settings import EnvConfig
 from tests.env.star.reference import attempt, largest
+from tests.env.walks import in_every_direction
 
 STEPS = 120  # 2 s
 EVERY_KIND = (
@@ -165,20 +168,7 @@ def test_diagonals_of_the_trot_are_in_antiphase():
 def test_the_trot_walks_in_every_direction():
     parameters, act, healthy = gait.load(QUADRUPED), gait.walker(QUADRUPED), damage.build("healthy", QUADRUPED)
     robot = hexapod.make("p2p", EnvConfig(), float(parameters.frequency), QUADRUPED)
-
-    def walk(goal, key):
-        def control(carry, _):
-            state, observation = carry
-            state, out = hexapod.step(robot, healthy, state, act(parameters, observation))
-            return (state, out.observation), (state.qpos[:3], out.fell)
-
-        state = hexapod.reset(robot, healthy, key)[0]._replace(goal=goal)
-        return jax.lax.scan(control, (state, hexapod.observe(robot, healthy, state)), None, length=100)[1]
-
-    angle = np.array([0.0, np.pi / 2, np.pi, -np.pi / 2])
-    far = 100.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    path, fell = jax.jit(jax.vmap(walk))(jnp.float32(far), jax.random.split(jax.random.key(5), 4))
-    speed = np.sum(np.asarray(path)[:, -1, :2] * far, axis=1) / 100.0 / 5.0
+    path, fell, speed = in_every_direction(robot, healthy, partial(act, parameters))
     assert not np.any(fell)
     assert np.all(np.asarray(path)[..., 2] > 0.06)
     assert speed[0] >= 0.3 and np.all(speed >= 0.2)
