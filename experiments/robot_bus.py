@@ -18,19 +18,17 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
+from experiments.walks.bus import Trip, over_bus
 from srl_jax import pretrained
 from srl_jax.atlas.robots import CRobot, World
 from srl_jax.cli import deploy_story
 from srl_jax.cli.deploy_options import Arguments as Deployment
 from srl_jax.env.anatomy import LEGS
 from srl_jax.env.damage_names import HEALTHY
-from srl_jax.robot import bus, imu, safety, servo
-from srl_jax.robot.hexapod import Hexapod
-from srl_jax.robot.loop import Loop
+from srl_jax.robot import bus, servo
 from srl_jax.robot.policy import Walker
 from srl_jax.robot.simulate.body import Body
 from srl_jax.robot.simulate.child import Simulated
-from srl_jax.robot.simulate.line import faults
 from srl_jax.robot.simulate.wire import Lockstep, Wire
 from srl_jax.robot.table import REGISTERS
 
@@ -56,31 +54,15 @@ class Args:
     """That lose their tibia, and all."""
 
 
-def walked(args: Args, damage: str = HEALTHY, *, given: str = "", strike: float = 0.0, seed: int = 0):
-    """A walk in lock-step: metres, the loop's outcome, and seconds until the first and last joint were missed."""
-    body = Body(HEALTHY if strike else damage, seed=seed, noise=1.0)
-    body.prepare(damage)
-    clock = Lockstep(body)
-    calibration = servo.Calibration()
-    robot = Hexapod(
-        bus.Bus(Wire(clock, faults(given), seed=seed), calibration.ranges()),
-        imu.Imu(clock, clock),
-        calibration,
-        servo.Servos(),
-    )
-    watch = safety.Watch()
-    safety.Poses(robot, clock, watch, lambda: False).rise()
-    place = body.data.qpos[:2].copy()
-    struck: list[float] = []
-
-    def react(now: float, _: object) -> None:
-        if strike and now >= strike and not struck:
-            struck.append(now)
-            body.strike(damage)
-
+def walked(args: Args, damage: str = HEALTHY, *, strike: float = 0.0, given: str = "", seed: int = 0) -> Trip:
+    """A walk under the atlas' policy for what the robot has at its start."""
     policy = pretrained.load("atlas", task="x", damage=HEALTHY if strike else damage)
-    outcome = Loop(robot, Walker(policy), clock, watch, lambda: False, react=react).run(args.seconds)
-    return float(np.hypot(*(body.data.qpos[:2] - place))), outcome, struck[0] if struck else 0.0
+    return over_bus(policy, args.seconds, damage, given=given, strike=strike, seed=seed)
+
+
+def far(trip: Trip) -> float:
+    """m from where it began."""
+    return float(np.hypot(*trip.way))
 
 
 def real(args: Args) -> None:
@@ -145,9 +127,9 @@ def bad(args: Args) -> None:
     print(f"\n{args.seconds:g} s in lock-step, healthy, m of {args.starts} walks")
     for given in ("", BAD):
         each = [walked(args, given=given, seed=seed) for seed in range(args.starts)]
-        missed, died = sum(one.missed for _, one, _ in each), sum(len(one.died) for _, one, _ in each)
-        metres = " ".join(f"{far:.2f}" for far, _, _ in each)
-        print(f"{given or 'clean':<34}{metres}   mean {np.mean([far for far, _, _ in each]):.2f}", end="")
+        missed, died = sum(one.outcome.missed for one in each), sum(len(one.outcome.died) for one in each)
+        metres = " ".join(f"{far(one):.2f}" for one in each)
+        print(f"{given or 'clean':<34}{metres}   mean {np.mean([far(one) for one in each]):.2f}", end="")
         print(f"   readings foretold {missed}, joints taken for lost {died}")
 
 
@@ -155,7 +137,7 @@ def mujoco(args: Args) -> None:
     """Distance of the same policies without a bus."""
     print(f"\nThe same policies without a bus, {args.seconds:g} s in C MuJoCo, m")
     for damage in (HEALTHY, "leg_rm", "tibia_lf"):
-        over = np.mean([walked(args, damage, seed=seed)[0] for seed in range(args.starts)])
+        over = np.mean([far(walked(args, damage, seed=seed)) for seed in range(args.starts)])
         without = np.mean([_without(args, damage, seed) for seed in range(args.starts)])
         print(f"{damage:<10} over the bus {over:.2f}, without {without:.2f} ({over / without - 1:+.1%})")
 
@@ -173,7 +155,7 @@ def losses(args: Args) -> None:
     """Seconds until servos that fall silent in mid-walk are known."""
     print("\nServos that fall silent in mid-walk: ms until the last of them is known; overruns; joints named")
     for damage in (f"{part}_{leg}" for leg in args.legs for part in ("tibia", "leg")):
-        _, outcome, struck = walked(args, damage, strike=args.seconds / 2)
+        _, outcome, struck, _ = walked(args, damage, strike=args.seconds / 2)
         known = 1e3 * (max(when for when, _ in outcome.died) - struck)
         print(f"{damage:<10}{known:>6.0f}{outcome.overruns:>4}   {', '.join(joint for _, joint in outcome.died)}")
 

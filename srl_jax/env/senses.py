@@ -93,14 +93,14 @@ def observation(
     return xp.concatenate(parts)
 
 
-def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None) -> "jax.Array":
+def reading(senses: Senses, *, kind: str, beyond: Beyond | None = None, xp: ModuleType | None = None) -> "jax.Array":
     """What of the observation is sensed of the body, f32[R].
 
     Gravity in the body frame (3) and joint angles about the stance (J). `rates` adds the gyroscope (3) and joint
     velocities (J); `full` base velocity (3, before them) and height (1, last) too. Arguments and errors as
     `observation`.
     """
-    return _jax_numpy().concatenate(_reading(senses, kind, beyond))
+    return (xp or _jax_numpy()).concatenate(_reading(senses, kind, beyond))
 
 
 def _reading(senses: Senses, kind: str, beyond: Beyond | None) -> list[Array]:

@@ -82,8 +82,11 @@ def replay(steps: list[Entry], policy: Policy, calibration: Calibration) -> Iter
     A policy that was exchanged in mid-walk shows as a difference.
     """
     walker, servos = Walker(policy), Servos()
+    before = 0.0  # s, the last deadline
     for step in steps:
-        walker.phase = step.phase
+        deadline = step.time - step.late
+        walker.advance(max(round((deadline - before) / PERIOD), 1))
+        walker.phase, before = step.phase, deadline
         single = lambda values: np.asarray(values, np.float32)  # noqa: E731
         senses = Senses(
             *(single(step.joints), single(step.speeds), np.array(step.answering)),

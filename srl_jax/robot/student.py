@@ -77,7 +77,8 @@ class Student(Walker):
 
     def begin(self, number: int) -> None:
         """An episode begins, whose noise is that of its number."""
-        self.phase, self.come, self._last = 0.0, 0.0, None
+        self.restart()
+        self.come, self._last = 0.0, None
         self.odometer.begin()
         self._random = np.random.default_rng((self.exploration.seed, number))
         self._noise = self._random.standard_normal(ACTION_SIZE)
@@ -88,13 +89,16 @@ class Student(Walker):
         Raises:
             StoppedError: the learner has gone.
         """
-        seen = self.see(senses)
+        seen, action = super().act(senses)
+        self._last = seen, action, self.come
+        return seen, action
+
+    def chosen(self, seen: np.ndarray) -> np.ndarray:
+        """As `Walker.chosen`, with noise; learns from the last step before, which is complete now."""
         self._told(seen, fell=False)
         rho = self.exploration.correlation
         self._noise = rho * self._noise + math.sqrt(1.0 - rho**2) * self._random.standard_normal(ACTION_SIZE)
-        action = np.clip(self.policy(seen) + self.exploration.size * self._noise, -1.0, 1.0).astype(np.float32)
-        self._last = seen, action, self.come
-        return seen, action
+        return np.clip(self.policy(seen) + self.exploration.size * self._noise, -1.0, 1.0).astype(np.float32)
 
     def advance(self, steps: int = 1) -> None:
         """The clock goes on; nothing is learned from what took more than one control step."""

@@ -42,6 +42,9 @@ import pytest
         ("shipped", {"starts": 0}, "starts 0; both must be positive"),
         ("shipped", {"names": ("sarl",)}, "name is 'sarl': there are ddpg, srl, atlas"),
         ("shipped", {"tasks": ("xy",)}, "task is 'xy': ddpg has p2p, x"),
+        ("changed_robots", {"runs": ()}, "runs is empty: give the directory of a finished run"),
+        ("changed_robots", {"runs": (Path("nowhere"),), "walks": 0}, "walks 0; both must be positive"),
+        ("changed_robots", {"runs": (Path("nowhere"),)}, "nowhere is not the directory of a run"),
         ("self_model", {"damages": "coxa_rm,leg_rm"}, "'leg_rm' more than once"),
     ],
 )
