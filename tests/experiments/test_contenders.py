@@ -33,6 +33,7 @@ def test_all_simulators_move_the_same_robots_alike(monkeypatch):
         assert runner.units > 0 and runner.units % (4 * hexapod.SUBSTEPS * physics.PERIODS) == 0
 
 
+@pytest.mark.slow
 def test_a_contender_that_fails_is_reported_and_stops_nobody():
     said, core = [], (tuple(measuring.cores()[:1]),)
     makes = {

@@ -54,6 +54,7 @@ def test_every_run_is_a_method_of_its_own(runs, atlas, tmp_path, capsys, monkeyp
     assert f"{names[0]} kept more than {names[1]}" in printed and (tmp_path / "figure.png").exists()
 
 
+@pytest.mark.slow
 def test_seeds_take_robots_in_turn(runs):
     (walk,) = generalists.methods(runs[:1]).values()
     lots = [Case("leg_rf", (), World())] * 3

@@ -24,6 +24,7 @@ def directory(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 def test_a_lane_is_a_seed_and_is_judged_over_the_mix(directory):
     with (directory / "lanes.csv").open(newline="") as file:
         assert [(row["seed"], row["damage"]) for row in csv.DictReader(file)] == [("0", "mix"), ("1", "mix")]
@@ -34,11 +35,13 @@ def test_a_lane_is_a_seed_and_is_judged_over_the_mix(directory):
     assert found["0", "0", "healthy/distance"] > found["0", "0", "teacher/distance"], "pi_B is judged over the mix too"
 
 
+@pytest.mark.slow
 def test_a_video_shows_one_of_the_damages(directory):
     (shown,) = (directory / "videos").glob("*.mp4")
     assert shown.name.split("-")[1] in MIX
 
 
+@pytest.mark.slow
 def test_its_students_act_and_have_no_damage_of_their_own(directory):
     opened = students.open_run(directory)
     seen = np.linspace(-1.0, 1.0, observation_size("x", opened.config.env), dtype=np.float32)

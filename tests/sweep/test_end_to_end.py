@@ -17,6 +17,7 @@ from srl_jax.sweep import attempts, lease, manifest
 from tests.job.finished import numbers, results
 from tests.sweep import packs
 
+pytestmark = pytest.mark.slow  # tests/cluster/slurm.sh kills and compares in less time
 SWEEP = [sys.executable, "-m", "srl_jax.sweep"]
 OPTIONS = ["--preset", "smoke", "--algos", "ddpg", "--seeds", "4"]  # compiles fastest
 OPTIONS += ["--steps", "480", "--train.evaluate-every", "160", "--train.checkpoint-every", "160"]
