@@ -25,7 +25,7 @@ from experiments.recovering.methods import METHODS, scopes
 from experiments.recovering.rows import ROWS, Case, cases
 from srl_jax.atlas import file, recovery
 from srl_jax.atlas.file import Atlas
-from srl_jax.atlas.robots import CRobot
+from srl_jax.atlas.robots import ROBOTS, CRobot
 from srl_jax.cli.devices import use_devices
 from srl_jax.cli.ending import leave
 from srl_jax.env import gait as gaits
@@ -62,29 +62,29 @@ class Args:
     timing: bool = False  # only say how long what a robot computes takes
 
 
-def bodies_of(lots: Sequence[Case], seed: int = 0) -> list[CRobot]:
+def bodies_of(lots: Sequence[Case], seed: int = 0, task: str = "x") -> list[CRobot]:
     """One robot a case; the same for all methods."""
     random = np.random.default_rng(seed)
     return [
-        CRobot(lot.damage, int(random.integers(*STRIKE)), 1000 * seed + place, lot.world)
+        ROBOTS[task](lot.damage, int(random.integers(*STRIKE)), 1000 * seed + place, lot.world)
         for place, lot in enumerate(lots)
     ]
 
 
 def standards(atlas: Atlas, lots: Sequence[Case]) -> list[float]:
     """m/s of the healthy robot under the scripted tripod in every case's world, from the third second on."""
-    clock, act = atlas.about["clock_hz"], _tripod()
+    clock, task, act = atlas.about["clock_hz"], atlas.about["task"], _tripod()
     found: dict[object, float] = {}
     for lot in lots:
         if lot.world in found:
             continue
-        body = CRobot("healthy", 0, 0, lot.world)
+        body = ROBOTS[task]("healthy", 0, 0, lot.world)
         senses = body.reset()
         for step in range(STANDARD):
             phase = jnp.float32(step * clock / HZ % 1.0)
-            seen = observation(jax.tree.map(jnp.asarray, senses), phase, task="x", kind="onboard")
+            seen = observation(jax.tree.map(jnp.asarray, senses), phase, task=task, kind="onboard")
             senses = body.step(np.asarray(act(seen)))
-        found[lot.world] = (body.positions[-1][0] - body.positions[39][0]) * HZ / (STANDARD - 40)
+        found[lot.world] = (body.come[-1] - body.come[39]) * HZ / (STANDARD - 40)
     return [found[lot.world] for lot in lots]
 
 
@@ -154,7 +154,7 @@ def row(
     print(f"{'method':<{wide}} " + "".join(f"{f'{a:g}-{b:g} s':<19}" for a, b in windows) + "recovered  falls   s")
     kept, curves = {}, {}
     for method, walk in walks.items():
-        bodies, began = bodies_of(lots, args.seed), perf_counter()
+        bodies, began = bodies_of(lots, args.seed, atlas.about["task"]), perf_counter()
         story = walk(lots, bodies, (STRIKE[1] + 1) / HZ + args.seconds)
         shares = [scores.retained(bodies, window, standard) for window in windows]
         cells = "".join(f"{scores.interval(share):<19}" for share in shares)

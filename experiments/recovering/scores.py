@@ -17,8 +17,8 @@ HZ = round(CONTROL_HZ)
 
 
 def speed(body: CRobot, first: float, last: float) -> float:
-    """m/s from one second after the damage to another; the start counts as the second 0 of a robot struck at once."""
-    path = np.array([0.0, *(pose[0] for pose in body.positions)])
+    """m/s along its task from one second after the damage to another; a robot struck at once starts at second 0."""
+    path = np.array([0.0, *body.come])
     return float(path[body.strike + round(HZ * last)] - path[body.strike + round(HZ * first)]) / (last - first)
 
 

@@ -64,6 +64,7 @@ class CRobot:
     seed: int = 0
     world: World = World()
     positions: list[np.ndarray] = field(default_factory=list)  # f64[25] after every step: for judges, not for the robot
+    come: list[float] = field(default_factory=list)  # m along its task after every step, likewise
     fell: bool = False
 
     def __post_init__(self) -> None:
@@ -94,7 +95,7 @@ class CRobot:
         self._data.ctrl[:] = self._stance[7:]
         self._waiting = deque([np.zeros(18)] * self.world.delay)
         self._bias = {name: self.world.bias * self._drawn(name, 3) for name in ("gyroscope", "gravity")}
-        self.positions, self.fell = [], False
+        self.positions, self.come, self.fell = [], [], False
         return self._senses()
 
     def step(self, action: np.ndarray) -> Senses:
@@ -106,7 +107,13 @@ class CRobot:
         mujoco.mj_step(self._models[broken], self._data, nstep=self._substeps)
         self.positions.append(self._data.qpos.copy())
         self.fell |= bool(self._frame()[2, 2] < UPRIGHT)
-        return self._senses()
+        senses = self._senses()
+        self.come.append(float(senses.come))
+        return senses
+
+    def _task(self) -> tuple[np.ndarray, float, float]:
+        """Where its task is: the direction f64[2] in the world, m to a goal, and m come along it."""
+        return np.array([1.0, 0.0]), 2.0, float(self._data.qpos[0])
 
     def _frame(self) -> np.ndarray:
         frame = np.empty(9)
@@ -124,6 +131,7 @@ class CRobot:
         frame, world = self._frame(), self.world
         heard = self._present[len(self.positions) > self.strike] & ~self._lost()
         heading = frame[:2, 0] / max(float(np.linalg.norm(frame[:2, 0])), 1e-6)
+        (x, y), distance, come = self._task()
         joints = self._data.qpos[7:] - self._stance[7:]
         if world.encoder:
             joints = np.radians(world.encoder) * np.round(joints / np.radians(world.encoder))
@@ -138,10 +146,41 @@ class CRobot:
             answering=heard,
             gyroscope=felt["gyroscope"].astype(np.float32),
             gravity=felt["gravity"].astype(np.float32),
-            towards=np.array([heading[0], -heading[1]], np.float32),  # along x
-            distance=np.array(2.0, np.float32),
-            come=np.array(self._data.qpos[0], np.float32),
+            towards=np.array([heading @ (x, y), heading[0] * y - heading[1] * x], np.float32),
+            distance=np.array(distance, np.float32),
+            come=np.array(come, np.float32),
         )
+
+
+@dataclass
+class GoalRobot(CRobot):
+    """A robot that walks from goal to goal, each drawn about where it is when it reaches the last."""
+
+    reached: int = 0
+
+    def reset(self) -> Senses:
+        """As `CRobot.reset`, with a first goal."""
+        self._goals, self.reached, self._before = np.random.default_rng((self.seed, 1)), 0, 0.0
+        self._goal, self._length = np.zeros(2), 0.0
+        self._draw_goal(np.zeros(2))
+        return super().reset()
+
+    def _draw_goal(self, here: np.ndarray) -> None:
+        radius, angle = self._goals.uniform(*EnvConfig().goal_ring), self._goals.uniform(-np.pi, np.pi)
+        self._goal, self._length = here + radius * np.array([np.cos(angle), np.sin(angle)]), radius
+
+    def _task(self) -> tuple[np.ndarray, float, float]:
+        """As `CRobot._task`; what it has come towards all goals so far counts."""
+        here = self._data.qpos[:2]
+        if (left := float(np.linalg.norm(self._goal - here))) < EnvConfig().goal_radius:
+            self._before += self._length - left
+            self.reached += 1
+            self._draw_goal(here.copy())
+            left = self._length
+        return (self._goal - here) / max(left, 1e-6), left, self._before + self._length - left
+
+
+ROBOTS = {"x": CRobot, "p2p": GoalRobot}  # by the task of an atlas
 
 
 class _Mjx(NamedTuple):
@@ -172,6 +211,7 @@ class MjxRobot:
     strike: int
     seed: int = 0
     positions: list[np.ndarray] = field(default_factory=list)
+    come: list[float] = field(default_factory=list)
     fell: bool = False
 
     def __post_init__(self) -> None:
@@ -181,7 +221,7 @@ class MjxRobot:
         """Stands at the origin, its joints a little off."""
         self._random = np.random.default_rng(self.seed)
         self._state = _mjx().begin(self._each[0], jax.random.key(self.seed))
-        self.positions, self.fell = [], False
+        self.positions, self.come, self.fell = [], [], False
         return self._senses(self._each[0])
 
     def step(self, action: np.ndarray) -> Senses:
@@ -189,6 +229,7 @@ class MjxRobot:
         damage = self._each[len(self.positions) >= self.strike]
         self._state, fell = _mjx().step(damage, self._state, jnp.asarray(action))
         self.positions.append(np.asarray(self._state.qpos, np.float64))
+        self.come.append(float(self._state.qpos[0]))
         self.fell |= bool(fell)
         return self._senses(damage)
 

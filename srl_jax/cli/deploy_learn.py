@@ -73,7 +73,7 @@ class Learning:
         return Lessons(
             poses,
             self._student,
-            self._right,
+            self.right,
             self.key,
             self.arguments.episode,
             self.arguments.torque,
@@ -90,7 +90,12 @@ class Learning:
             flush=True,
         )
 
-    def _right(self) -> None:
+    def right(self) -> None:
+        """A robot that has fallen is on its feet, or on its belly and somebody has pressed Enter.
+
+        Raises:
+            StoppedError: nobody did, and it was asked to stop.
+        """
         if self.simulated:
             self.simulated.right()
             return

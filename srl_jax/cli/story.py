@@ -13,12 +13,12 @@ from srl_jax.atlas.file import Atlas
 from srl_jax.atlas.lessons import Learn, by_srl
 from srl_jax.atlas.mind import Memory
 from srl_jax.atlas.recovery import Story
-from srl_jax.atlas.robots import CRobot, MjxRobot, World
+from srl_jax.atlas.robots import ROBOTS, CRobot, MjxRobot, World
 from srl_jax.atlas.twins import ROOM, Composer
 from srl_jax.env import damage_names
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.report import recovery as pictures
-from srl_jax.report.pace import WINDOW, speeds
+from srl_jax.report.pace import WINDOW, rates
 from srl_jax.report.recovery import Walker
 from srl_jax.types import Params
 
@@ -51,7 +51,10 @@ def tell(
     held_out = [drawn] if damage == "held-out" else []
     damage = damage_names.canonical(drawn if damage in ("random", "held-out") else damage)
     struck = round(strike * CONTROL_HZ)
-    make = partial(CRobot, world=World(friction=friction)) if physics == "c" else MjxRobot
+    task = known.about["task"]
+    if physics == "mjx" and task != "x":
+        raise ValueError(f"physics is 'mjx': its robot walks straight ahead, and the atlas is for {task}; use c.")
+    make = partial(ROBOTS[task], world=World(friction=friction)) if physics == "c" else MjxRobot
     robot, unaware = (make(damage, struck, seed) for _ in range(2))
     foreseen = damage in known.damages and not held_out
     print(
@@ -97,8 +100,8 @@ def walkers(atlas: Atlas, added: list[str]) -> list[str]:
 
 
 def speed(robot: CRobot | MjxRobot, step: int, window: int = WINDOW) -> float:
-    """m/s along x over the control steps before `step`."""
-    return float(speeds(np.array(robot.positions[:step]), window=window)[-1]) if step else 0.0
+    """m/s along the task over the control steps before `step`."""
+    return float(rates(np.array(robot.come[:step]), window)[-1]) if step else 0.0
 
 
 def _learn(learn: Learn, damage: str, policy: Params, steps: tuple[int, ...]) -> Iterator[Params]:
@@ -125,10 +128,13 @@ def _draw(
     told = walkers(atlas, story.twins[0])
     own = Walker(
         np.array(robot.positions),
+        np.array(robot.come),
         [f"policy for {told[i]}" for i in story.policy[:, 0]],
         [names[i] for i in np.argmax(belief[:, 0], axis=1)],
     )
-    other = Walker(np.array(unaware.positions), ["knows nothing"] * len(belief), [""] * len(belief))
+    other = Walker(
+        np.array(unaware.positions), np.array(unaware.come), ["knows nothing"] * len(belief), [""] * len(belief)
+    )
     pictures.save_figure(out / "recovery.png", own, other, belief[:, 0], names, strike)
     pictures.save_video(out / "recovery.mp4", own, other, damage, strike)
     print(f"Files: {out}  (recovery.png, recovery.mp4)")

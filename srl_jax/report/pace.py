@@ -15,6 +15,11 @@ def speeds(positions: np.ndarray, task: str = "x", window: int = WINDOW) -> np.n
         task: x: along x; otherwise over ground.
         window: control steps.
     """
-    path = np.concatenate([np.zeros((window, 2)), positions[:, :2]])
-    come = path[window:] - path[:-window]
-    return (come[:, 0] if task == "x" else np.linalg.norm(come, axis=1)) * CONTROL_HZ / window
+    moved = rates(positions[:, :2], window)
+    return moved[:, 0] if task == "x" else np.linalg.norm(moved, axis=1)
+
+
+def rates(come: np.ndarray, window: int = WINDOW) -> np.ndarray:
+    """m/s f64[T, ...] over the `window` control steps that end with each step, of m come f64[T, ...], at first none."""
+    path = np.concatenate([np.zeros((window, *come.shape[1:])), come])
+    return (path[window:] - path[:-window]) * CONTROL_HZ / window

@@ -9,7 +9,7 @@ import numpy as np
 from srl_jax.env.damage_names import HEALTHY
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.report import video
-from srl_jax.report.pace import speeds
+from srl_jax.report.pace import rates
 from srl_jax.report.paint import paint, visible_model
 from srl_jax.report.style import OTHERS, PALETTE, STYLE
 
@@ -21,6 +21,7 @@ class Walker(NamedTuple):
     """What one robot did and thought in T control steps."""
 
     positions: np.ndarray  # f64[T, 25]
+    come: np.ndarray  # f64[T] m along its task
     policy: Sequence[str]  # in words, at every step
     thought: Sequence[str]  # likeliest, at every step
 
@@ -45,8 +46,8 @@ def save_figure(
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8, 5), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(seconds, speeds(unaware.positions), color=OTHERS, label="knows nothing")
-        above.plot(seconds, speeds(own.positions), color=PALETTE[0], label="with an atlas")
+        above.plot(seconds, rates(unaware.come), color=OTHERS, label="knows nothing")
+        above.plot(seconds, rates(own.come), color=PALETTE[0], label="with an atlas")
         above.set_ylabel("m/s")
         above.set_ylim(bottom=min(0.0, above.get_ylim()[0]))
         for step in (t for t in range(1, len(seconds)) if own.policy[t] != own.policy[t - 1]):
@@ -82,7 +83,7 @@ def _pictures(walker: Walker, damage: str, strike: int) -> Iterator[np.ndarray]:
     pictures = (
         picture for name, poses in parts if len(poses) for picture in paint(visible_model(name), poses, None, size=SIZE)
     )
-    pace = speeds(walker.positions)
+    pace = rates(walker.come)
     for step, picture in enumerate(pictures):
         said = f"{step / CONTROL_HZ:4.1f} s  {pace[step]:5.2f} m/s   {walker.policy[step]}"
         captions = [video.caption(line, "", SIZE[0]) for line in (said, walker.thought[step])]

@@ -49,8 +49,8 @@ class Cost:
 
 
 def lane_seconds(config: Config, algo: str, speed: Speed = OF_RATES) -> float:
-    """Core seconds of one lane, on such cores."""
-    learning = memory.operations(config, {algo: 1}) / LEARNING * (OF_RATES.sgemm / speed.sgemm)
+    """Core seconds of one lane, on such cores; one that multiplies large matrices faster learns no faster for that."""
+    learning = memory.operations(config, {algo: 1}) / LEARNING * max(OF_RATES.sgemm / speed.sgemm, 1.0)
     return learning + config.steps * ACTING * (OF_RATES.physics / speed.physics)
 
 

@@ -1,10 +1,13 @@
 """Robots to recover on differ from the atlas' own in the ways that their worlds say."""
 
+import jax
 import numpy as np
 import pytest
 
-from srl_jax.atlas.robots import CRobot, MjxRobot, World
-from srl_jax.env.senses import NOISE
+from srl_jax.atlas.robots import CRobot, GoalRobot, MjxRobot, World
+from srl_jax.env import gait
+from srl_jax.env.senses import NOISE, observation
+from srl_jax.env.settings import EnvConfig
 
 STILL = np.zeros(18)
 UP = np.tile([0.0, 0.5, 0.0], 6)
@@ -85,3 +88,26 @@ def make_first(make):
     body = make("leg_rm", 3)
     body.reset()
     return body.step(STILL).joints
+
+
+def test_a_robot_walks_from_goal_to_goal_and_what_it_comes_towards_them_adds_up():
+    act, tripod = jax.jit(gait.act), gait.load()
+    body, goals = GoalRobot("healthy", 1_000, world=quiet()), []
+    senses, low, high = body.reset(), *EnvConfig().goal_ring
+    for step in range(200):
+        away, frame = body._goal - body._data.qpos[:2], body._frame()
+        heading = frame[:2, 0] / np.linalg.norm(frame[:2, 0])
+        turned = np.array([[heading[0], -heading[1]], [heading[1], heading[0]]]) @ senses.towards
+        assert senses.distance == pytest.approx(np.linalg.norm(away), abs=1e-5)
+        np.testing.assert_allclose(turned, away / np.linalg.norm(away), atol=1e-5)
+        goals.append(body._goal.copy())
+        shown = observation(senses, np.float32(step * 2.1358 / 20 % 1), task="p2p", kind="onboard", xp=np)
+        senses = body.step(np.asarray(act(tripod, shown)))
+    changed = [step for step in range(1, 200) if (goals[step] != goals[step - 1]).any()]
+    assert body.reached == len(changed) >= 2
+    apart = [np.linalg.norm(goals[b] - goals[a]) for a, b in zip([0, *changed], changed, strict=False)]
+    assert low - 0.2 < min(apart) and max(apart) < high + 0.2
+    assert np.abs(np.diff(body.come)).max() < 0.06, "nothing is won by a new goal"
+    assert body.come[-1] > 2 * (low - EnvConfig().goal_radius)
+    again = GoalRobot("healthy", 1_000, world=quiet())
+    assert again.reset().distance != GoalRobot("healthy", 0, 1).reset().distance and (again._goal == goals[0]).all()

@@ -28,6 +28,13 @@ def test_a_figure_and_a_video_are_left_and_what_is_held_out_is_not_known(atlas, 
     assert (tmp_path / "seen" / "recovery.mp4").stat().st_size > 5_000
 
 
+def test_mjxs_robot_has_no_goals(atlas, tmp_path, monkeypatch):
+    monkeypatch.setattr(recover, "use_devices", lambda wanted, **_: DEVICES)
+    file.save(tmp_path / "goals.npz", atlas._replace(about=atlas.about | {"task": "p2p"}))
+    with pytest.raises(ValueError, match="physics is 'mjx': its robot walks straight ahead, and the atlas is for p2p"):
+        recover._main(["--atlas", str(tmp_path / "goals.npz"), "--physics", "mjx"])
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
