@@ -74,7 +74,6 @@ class Cell(NamedTuple):
     """A cell of code of the notebook."""
 
     code: str
-    slow: bool  # by a tag that Jupyter shows
     count: int | None  # when it was executed
     outputs: list[dict]
 
@@ -82,10 +81,7 @@ class Cell(NamedTuple):
 def cells(path: Path = NOTEBOOK) -> list[Cell]:
     """The code of a notebook, cell by cell."""
     own = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
-    return [
-        Cell("".join(x["source"]), "slow" in x["metadata"].get("tags", []), x["execution_count"], x["outputs"])
-        for x in own
-    ]
+    return [Cell("".join(x["source"]), x["execution_count"], x["outputs"]) for x in own]
 
 
 def commands(page: Path, text: str | None = None) -> Iterator[Command]:
