@@ -32,6 +32,8 @@ class Arguments:
     repeats: int = 3
     preset: Literal["default", "smoke"] = "default"
     """Whose networks and batches; smoke is small, to see that it works."""
+    randomise: Literal["none", "mild", "wide"] = "none"
+    """As --env.randomise of a run: what each robot's differences cost."""
 
 
 def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, float]:
@@ -52,6 +54,7 @@ def time_lanes(count: int, devices: int, arguments: Arguments) -> dict[str, floa
     capacity, prior = min(base.train.capacity, 4_000), min(base.train.prior_steps, 800)  # memory is not what is timed
     train = dataclasses.replace(base.train, capacity=capacity, prior_steps=prior)
     config = dataclasses.replace(base, seeds=str(count // 2), damage="leg_rm", train=train)
+    config = dataclasses.replace(config, env=dataclasses.replace(base.env, randomise=arguments.randomise))
     layout = lay_out(plan.make(config).lanes, devices)
     teachers = (scripted_gait(),)
     engine = Engine(start.make_program(config, layout, teachers))
