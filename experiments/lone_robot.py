@@ -8,7 +8,7 @@ damages, and the share of lanes that recovered (no fall in any episode, and half
 is that SRL walks further than a rival with the same updates, over all damages and over those of one leg and of two.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -35,6 +35,8 @@ class Arguments:
     """Finished runs with --algos srl and others."""
     minutes: tuple[float, ...] = (2.0, 8.0)
     """Of a robot's walking at 20 Hz."""
+    join: bool = False
+    """Compare SRL of the first run with the methods of all, instead of each run by itself."""
 
 
 def shares(run: RunData, group: Group, step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -62,24 +64,37 @@ def parts(damages: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
         yield f"{count} lost", np.flatnonzero(counts == count)
 
 
-def tables(run: RunData, step: float, title: str) -> Iterator[Table]:
-    """What every method is worth at a step, and how probable it is that SRL is worth more."""
-    found = {group: shares(run, group, step) for group in run.groups}
+def tables(runs: Mapping[str, RunData], step: float, title: str) -> Iterator[Table]:
+    """What every method is worth at a step, and how probable it is that SRL of the first run is worth more.
+
+    Args:
+        runs: by what is added to the names of their methods.
+        step: of the environment.
+        title: of the first table.
+
+    Raises:
+        ValueError: runs are of different damages, or there was no evaluation at this step.
+    """
+    found, damages = {}, {}
+    for name, run in runs.items():
+        for group in run.groups:
+            found[f"{group.label}{name}"] = shares(run, group, step)
+            damages[f"{group.label}{name}"] = run.damages(group)
+    if len({tuple(own) for own in damages.values()}) > 1:
+        raise ValueError("runs are of different damages: leave --join out.")
     worth = Table("method", "share of the healthy distance", "recovered", title=title, box=None)
-    for group, (kept, recovered) in found.items():
+    for label, (kept, recovered) in found.items():
         low, high = statistics.stratified_interval(kept)
-        worth.add_row(group.label, f"{statistics.iqm(kept):.2f} [{low:.2f}, {high:.2f}]", f"{recovered.mean():.2f}")
+        worth.add_row(label, f"{statistics.iqm(kept):.2f} [{low:.2f}, {high:.2f}]", f"{recovered.mean():.2f}")
     yield worth
-    own = [group for group in found if group.algo == OURS]
-    names = [name for name, _ in parts(run.damages(own[0]))] if own else []
-    better = Table("probability that", *names, box=None)
-    for mine in own:
-        for rival in (group for group in found if group.algo != OURS):
-            cells = []
-            for _, places in parts(run.damages(mine)):
-                x, y = (found[group][0][:, places] for group in (mine, rival))
-                cells.append("{:.2f} [{:.2f}, {:.2f}]".format(*statistics.probability_of_improvement(x, y)))
-            better.add_row(f"{mine.label} > {rival.label}", *cells)
+    first, run = next(iter(runs.items()))
+    ours = [f"{group.label}{first}" for group in run.groups if group.algo == OURS]
+    groups = list(parts(next(iter(damages.values()))))
+    better = Table("probability that", *(name for name, _ in groups), box=None)
+    for mine, rival in ((mine, rival) for mine in ours for rival in found if rival not in ours):
+        pairs = ((found[mine][0][:, places], found[rival][0][:, places]) for _, places in groups)
+        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*statistics.probability_of_improvement(x, y)) for x, y in pairs]
+        better.add_row(f"{mine} > {rival}", *cells)
     yield better
 
 
@@ -91,10 +106,14 @@ def main(arguments: Arguments) -> None:
     """
     if not arguments.runs:
         raise ValueError("runs is empty: give the directory of a finished run, or several.")
-    for directory in arguments.runs:
-        run = read_metrics(directory)
+    read = {directory.name: read_metrics(directory) for directory in arguments.runs}
+    each = (
+        [{f", {name}": run for name, run in read.items()}] if arguments.join else [{"": run} for run in read.values()]
+    )
+    for name, runs in zip(read, each, strict=False):
         for minutes in arguments.minutes:
-            for table in tables(run, minutes * 60 * CONTROL_HZ, f"{directory.name}, {minutes:g} min"):
+            said = f"{minutes:g} min" if arguments.join else f"{name}, {minutes:g} min"
+            for table in tables(runs, minutes * 60 * CONTROL_HZ, said):
                 Console(width=140).print(table)
 
 

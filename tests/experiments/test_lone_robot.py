@@ -41,3 +41,15 @@ def test_what_was_not_evaluated_is_said(run):
         lone_robot.main(lone_robot.Arguments((run,), (3.0,)))
     with pytest.raises(ValueError, match="runs is empty"):
         lone_robot.main(lone_robot.Arguments(()))
+
+
+def test_runs_may_be_compared_with_each_other(run, tmp_path, capsys):
+    other = write(tmp_path / "off", methods={("srl", ""): 0.5}, seeds=(0, 1), damages=DAMAGES, task="x")
+    lone_robot.main(lone_robot.Arguments((run, other), (MINUTES,), join=True))
+    said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    (line,) = [line for line in said if line.startswith("srl guidance_weight=1, lone > srl, off ")]
+    assert line.split("off ")[1].startswith("1.00")
+    assert not any(" > srl guidance_weight" in line for line in said)
+    few = write(tmp_path / "few", methods={("srl", ""): 0.5}, seeds=(0, 1), damages=DAMAGES[:2], task="x")
+    with pytest.raises(ValueError, match="different damages"):
+        lone_robot.main(lone_robot.Arguments((run, few), (MINUTES,), join=True))
