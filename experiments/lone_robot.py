@@ -107,13 +107,12 @@ def main(arguments: Arguments) -> None:
     if not arguments.runs:
         raise ValueError("runs is empty: give the directory of a finished run, or several.")
     read = {directory.name: read_metrics(directory) for directory in arguments.runs}
-    each = (
-        [{f", {name}": run for name, run in read.items()}] if arguments.join else [{"": run} for run in read.values()]
-    )
-    for name, runs in zip(read, each, strict=False):
+    each: list[tuple[str, dict[str, RunData]]] = [(f"{name}, ", {"": run}) for name, run in read.items()]
+    if arguments.join:
+        each = [("", {f", {name}": run for name, run in read.items()})]
+    for name, runs in each:
         for minutes in arguments.minutes:
-            said = f"{minutes:g} min" if arguments.join else f"{name}, {minutes:g} min"
-            for table in tables(runs, minutes * 60 * CONTROL_HZ, said):
+            for table in tables(runs, minutes * 60 * CONTROL_HZ, f"{name}{minutes:g} min"):
                 Console(width=140).print(table)
 
 
