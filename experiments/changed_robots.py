@@ -21,6 +21,7 @@ from experiments.walks.bus import over_bus
 from srl_jax import statistics
 from srl_jax.atlas.robots import CRobot, World
 from srl_jax.cli.ending import leave
+from srl_jax.cli.run import quiet
 from srl_jax.env.hexapod import CONTROL_HZ
 from srl_jax.job import export
 from srl_jax.portable import Policy
@@ -131,6 +132,7 @@ def main(arguments: Arguments) -> None:
         raise ValueError("runs is empty: give the directory of a finished run, or several.")
     if arguments.seconds <= 0.0 or arguments.walks < 1:
         raise ValueError(f"seconds is {arguments.seconds} and walks {arguments.walks}; both must be positive.")
+    quiet()
     table = Table("trained with", "method", *(f"{name}: m/s, falls" for name in WORLDS), box=None)
     for directory in arguments.runs:
         for row in rows(directory, arguments):
