@@ -97,6 +97,8 @@ def test_a_slower_machine_takes_longer(monkeypatch):
     half = {name: value / 2 for name, value in OURS.items()}
     minutes = [checkup.forecast(Config(), 2, 2, speeds)["minutes"] for speeds in (OURS, half)]
     assert minutes[0] - 1.0 == pytest.approx((minutes[1] - 1.0) / 2, abs=0.1), "but for the minute it takes to start"
+    faster = OURS | {"sgemm_gflops": 2.0 * OURS["sgemm_gflops"]}
+    assert checkup.forecast(Config(), 2, 2, faster)["minutes"] == minutes[0], "its small matrices may be no faster"
     monkeypatch.setattr("srl_jax.sweep.cost.jax.default_backend", lambda: "gpu")
     assert checkup.forecast(Config(), 2, 2, OURS)["minutes"] is None
 
