@@ -112,7 +112,7 @@ def main(arguments: Arguments) -> None:
         each = [("", {f", {name}": run for name, run in read.items()})]
     for name, runs in each:
         for minutes in arguments.minutes:
-            for table in tables(runs, minutes * 60 * CONTROL_HZ, f"{name}{minutes:g} min"):
+            for table in tables(runs, round(minutes * 60 * CONTROL_HZ), f"{name}{minutes:g} min"):
                 Console(width=140).print(table)
 
 
