@@ -29,8 +29,8 @@ def test_what_is_left_out_is_the_damage_itself_or_all_that_concern_several_legs(
 
 def body(speed, strike=20, fell=False, steps=240, damage="leg_rm"):
     """Stands until the strike and walks then."""
-    x = np.maximum(np.arange(1, steps + 1) - strike, 0) * speed / scores.HZ
-    return SimpleNamespace(positions=np.stack([x, 0 * x], axis=1), strike=strike, fell=fell, damage=damage)
+    come = np.maximum(np.arange(1, steps + 1) - strike, 0) * speed / scores.HZ
+    return SimpleNamespace(come=come.tolist(), strike=strike, fell=fell, damage=damage)
 
 
 def test_shares_are_of_each_ones_own_standard_and_a_fall_keeps_nothing():
