@@ -55,9 +55,16 @@ class Args:
 
 
 def walked(args: Args, damage: str = HEALTHY, *, strike: float = 0.0, given: str = "", seed: int = 0) -> Trip:
-    """A walk under the atlas' policy for what the robot has at its start."""
+    """A walk under the atlas' policy for what the robot has at its start.
+
+    Raises:
+        ValueError: it fell, so that its metres mean nothing.
+    """
     policy = pretrained.load("atlas", task="x", damage=HEALTHY if strike else damage)
-    return over_bus(policy, args.seconds, damage, given=given, strike=strike, seed=seed)
+    trip = over_bus(policy, args.seconds, damage, given=given, strike=strike, seed=seed)
+    if trip.fell:
+        raise ValueError(f"the robot fell: {damage}, seed {seed}, {given or 'clean'}.")
+    return trip
 
 
 def far(trip: Trip) -> float:

@@ -169,15 +169,19 @@ class GoalRobot(CRobot):
         radius, angle = self._goals.uniform(*EnvConfig().goal_ring), self._goals.uniform(-np.pi, np.pi)
         self._goal, self._length = here + radius * np.array([np.cos(angle), np.sin(angle)]), radius
 
+    def _senses(self) -> Senses:
+        """As `CRobot._senses`; at a goal the next one is drawn before."""
+        _, left, come = self._task()
+        if left < EnvConfig().goal_radius:
+            self._before, self.reached = come, self.reached + 1
+            self._draw_goal(self._data.qpos[:2].copy())
+        return super()._senses()
+
     def _task(self) -> tuple[np.ndarray, float, float]:
         """As `CRobot._task`; what it has come towards all goals so far counts."""
-        here = self._data.qpos[:2]
-        if (left := float(np.linalg.norm(self._goal - here))) < EnvConfig().goal_radius:
-            self._before += self._length - left
-            self.reached += 1
-            self._draw_goal(here.copy())
-            left = self._length
-        return (self._goal - here) / max(left, 1e-6), left, self._before + self._length - left
+        away = self._goal - self._data.qpos[:2]
+        left = float(np.linalg.norm(away))
+        return away / max(left, 1e-6), left, self._before + self._length - left
 
 
 ROBOTS = {"x": CRobot, "p2p": GoalRobot}  # by the task of an atlas
